@@ -12,14 +12,15 @@ cat >"$folder/cc" <<'CC'
 exec cc -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=undefined "$@"
 CC
 chmod +x "$folder/cc"
-# Rust keeps what it needs to the end. The sanitizer keeps freed memory for a while, so that the test of leaks, which
-# counts pages, says nothing here.
+# Rust keeps what it needs to the end. The allocator of the sanitizer keeps freed memory for a while and counts none, so
+# that tests of leaks say nothing here.
 export ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
 # The runtimes come before all other libraries.
 runtime=$(cc -print-file-name=libasan.so):$(cc -print-file-name=libubsan.so)
-export "CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER=env LD_PRELOAD=$runtime"
-CC=$folder/cc CARGO_TARGET_DIR=$folder RUSTFLAGS="-C link-arg=-lasan -C link-arg=-lubsan" \
-    cargo test --quiet --target "$host" -p airloop-fmi -p airloop-cosim -- --skip leave_no_memory_behind
+runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
+env "$runner=env LD_PRELOAD=$runtime" CC="$folder/cc" CARGO_TARGET_DIR="$folder" RUSTFLAGS="-C link-arg=-lasan -C link-arg=-lubsan" \
+    cargo test --quiet --target "$host" -p airloop-fmi -p airloop-cosim -- \
+    --skip leave_no_memory_behind --skip defective_fmus_are_found_by_their_rules
 if cargo +nightly miri --version >/dev/null 2>&1; then
     MIRIFLAGS=-Zmiri-disable-isolation CARGO_TARGET_DIR=$folder/miri \
         cargo +nightly miri test --quiet -p fmi-export

@@ -98,10 +98,14 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if !args.check {
         return Ok(ExitCode::SUCCESS);
     }
-    let findings = super::inspect::check(&Fmu::open(&args.output)?, Some(CHECK_LIMIT), args.quiet)?;
+    let stop = super::run::stop_flag();
+    let findings = super::inspect::check(&Fmu::open(&args.output)?, Some(CHECK_LIMIT), args.quiet, &stop)?;
     let failed = findings.iter().any(|finding| finding.severity == Severity::Error);
     if failed && args.quiet {
         super::output::print(&super::inspect::text(&findings))?;
+    }
+    if stop.load(std::sync::atomic::Ordering::Relaxed) {
+        return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

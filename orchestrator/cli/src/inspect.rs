@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::inspect_report;
 use super::inspect_system;
 use super::inspect_worker;
 use super::output::print;
+use super::run::stop_flag;
 use super::table::table;
 use airloop::Error;
 use airloop_cosim::system::SystemGraph;
@@ -22,7 +24,7 @@ use airloop_fmi::{
 /// `airloop inspect`
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Exit codes: 0 success, 1 the file cannot be read or --check finds errors, 2 wrong usage.\n\nExample: airloop inspect --check target/fmu/cart-pole.fmu"
+    after_help = "Exit codes: 0 success, 1 the file cannot be read or --check finds errors, 2 wrong usage, 130 interrupted (what was found is printed).\n\nExample: airloop inspect --check target/fmu/cart-pole.fmu"
 )]
 pub struct Args {
     /// .fmu, .ssd or .ssp file.
@@ -90,9 +92,13 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         inspect_report::check(report, &args.file)?;
     }
     let mut checks = Vec::new();
+    let stop = stop_flag();
     for fmu in &fmus {
         let limit = (!args.no_run).then(|| Duration::from_secs_f64(args.time_limit));
-        checks.push((fmu.shown.clone(), check(fmu, limit, args.json)?));
+        checks.push((fmu.shown.clone(), check(fmu, limit, args.json, &stop)?));
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
     }
     let mut findings = checks.iter().flat_map(|(_, findings)| findings);
     let failed = findings.any(|finding| finding.severity == Severity::Error);
@@ -107,21 +113,29 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         value["checks"] = all.into();
         print(&format!("{value:#}\n"))?;
     }
+    if stop.load(Ordering::Relaxed) {
+        return Ok(ExitCode::from(super::INTERRUPTED));
+    }
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
-/// Findings of the checker in one FMU, worst first; printed unless `silent`. The library runs for `limit` at most, or
-/// not at all.
+/// Findings of the checker in one FMU, worst first; printed unless `silent`. The library runs for `limit` at most and
+/// until `stop` is set, or not at all.
 ///
 /// # Errors
 /// The process that runs the library does not start.
-pub fn check(fmu: &Arc<Fmu>, limit: Option<Duration>, silent: bool) -> Result<Vec<Finding>, Error> {
+pub fn check(
+    fmu: &Arc<Fmu>,
+    limit: Option<Duration>,
+    silent: bool,
+    stop: &AtomicBool,
+) -> Result<Vec<Finding>, Error> {
     let show = |text: &str| if silent { Ok(()) } else { print(text) };
     show(&format!("{}\n", fmu.shown.display()))?;
     let mut findings = check::static_findings(fmu);
     show(&text(&findings))?;
     if let Some(limit) = limit {
-        let dynamic = inspect_worker::findings(fmu, limit)?;
+        let dynamic = inspect_worker::findings(fmu, limit, stop)?;
         show(&text(&dynamic))?;
         findings.extend(dynamic);
     }

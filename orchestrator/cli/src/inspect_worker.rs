@@ -4,6 +4,7 @@
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use airloop::Error;
@@ -16,6 +17,8 @@ use airloop_fmi::{Fmu, trace};
 const FINDINGS: &str = "findings.jsonl";
 const CALL: &str = "call";
 const DONE: &str = "done";
+/// Rule of the finding that says where the user ended a check.
+const INTERRUPTED: &str = "interrupted";
 /// Most memory (address space) of the process \[bytes\].
 const MEMORY: u64 = 4 << 30;
 /// Time between two looks at the process.
@@ -47,11 +50,11 @@ pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Findings of a worker that runs the library of an FMU for at most `limit`.
+/// Findings of a worker that runs the library of an FMU for at most `limit`, and until `stop` is set.
 ///
 /// # Errors
 /// The worker cannot be started.
-pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
+pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Finding>, Error> {
     let io = |source| airloop_cosim::system::Error::Io { file: fmu.shown.clone(), source };
     let folder = airloop_series::scratch::folder().map_err(io)?;
     let mut command = Command::new(std::env::current_exe().map_err(io)?);
@@ -72,7 +75,7 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
     let status = loop {
         match child.try_wait().map_err(io)? {
             Some(status) => break Some(status),
-            None if began.elapsed() > limit => break None,
+            None if began.elapsed() > limit || stop.load(Ordering::Relaxed) => break None,
             None => std::thread::sleep(POLL_INTERVAL),
         }
     };
@@ -92,6 +95,11 @@ pub fn findings(fmu: &Fmu, limit: Duration) -> Result<Vec<Finding>, Error> {
         None => "before the first call".to_owned(),
         Some(call) => format!("call of {call}"),
     };
+    if status.is_none() && stop.load(Ordering::Relaxed) {
+        let message = "the check was interrupted here: what comes after it was not looked at".into();
+        found.push(Finding { severity: Severity::Warning, rule: INTERRUPTED.into(), element, message });
+        return Ok(found);
+    }
     let message = match status {
         None => format!("it did not return within {} s; --time-limit allows more", limit.as_secs_f64()),
         Some(status) => format!("the process of the FMU ended there by {}", cause(status)),

@@ -55,6 +55,28 @@ fn the_command_fails_for_errors_and_prints_json() {
 }
 
 #[test]
+fn ctrl_c_ends_a_check_and_what_was_found_is_printed() {
+    let folder = TempDir::new().unwrap();
+    compiled(&folder, "first_order.c", SOUND, &["-DHANGS"]);
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_airloop"))
+        .args(["inspect", "--check", "m.fmu"])
+        .current_dir(folder.path())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let began = std::time::Instant::now();
+    let interrupt = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(interrupt.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert!(began.elapsed().as_secs() < 10);
+    assert_eq!(output.status.code(), Some(130));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("[interrupted] call of fmi2ExitInitializationMode"), "{text}");
+    assert!(text.contains("what comes after it was not looked at"), "{text}");
+}
+
+#[test]
 fn findings_are_written_for_ci_as_sarif_and_junit() {
     let folder = TempDir::new().unwrap();
     let check = |report: &str| {
