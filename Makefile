@@ -155,7 +155,7 @@ test-windows: fmu    ## airloop.exe under Wine: runs, checks of all FMUs and `re
 	scripts/windows.sh
 	python3 tests/windows/run.py target/windows target/release/airloop
 
-sanitize: setup-build ## C parts and test FMUs under the sanitizers of the compiler, our FMUs under Miri where it is installed
+sanitize: setup-build ## C parts and test FMUs under the sanitizers of the compiler, unit tests of the export under Miri
 	scripts/sanitize.sh
 
 setup:               ## .venv with all Python packages, .cargo/config.toml
