@@ -214,3 +214,22 @@ pub(super) fn tell(word: &AtomicU32, sleeps: &AtomicU32, new: u32) {
         system::wake(word);
     }
 }
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_arrive_also_after_the_memory_has_grown() {
+        let mut owner = Area::new(1 << 12).unwrap();
+        let mut worker = owner.again().unwrap();
+        let log = worker.again().unwrap();
+        let place = log.log_place();
+        place.add(b"before");
+        owner.grow(1 << 24).unwrap();
+        worker.follow().unwrap();
+        assert!(worker.put((1 << 24) - 1, b"x"));
+        place.add(b" and after");
+        assert_eq!(owner.take_log(), b"before and after");
+    }
+}
