@@ -161,7 +161,7 @@ fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: b
 }
 
 /// Memory that is free \[bytes\]; where the system does not say, without end.
-fn free_memory() -> f64 {
+pub(super) fn free_memory() -> f64 {
     let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());

@@ -5,6 +5,7 @@
 
 pub mod args;
 mod many;
+mod size;
 mod text;
 mod write;
 
@@ -174,6 +175,13 @@ fn search(
     }
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
+    let signals = prepared.task.signals.states.len() + prepared.task.signals.inputs.len();
+    for pass in &settings.passes {
+        if let Some(much) = size::forecast(pass.transcription, &pass.intervals, signals, run::free_memory())?
+        {
+            bar.suspend(|| output::to_stderr(&format!("note: {much}")));
+        }
+    }
     let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
     airloop_plan::vacuous::check(&mut prepared, &rough)?;
     let loaded = began.elapsed();
