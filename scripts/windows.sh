@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the program and the libraries of all FMUs for Windows (x86_64) with mingw, and packages every FMU with the
-# binaries of both platforms: airloop.exe finds them in the folder fmu beside its own. Says what is missing, and stops, where the Rust target or the linker is not there.
+# binaries of both platforms: airloop.exe finds them in the folder fmu beside its own. Says what is missing, and stops,
+# where the Rust target or the linker is not there.
 set -euo pipefail
 
 target=x86_64-pc-windows-gnu

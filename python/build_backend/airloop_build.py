@@ -53,9 +53,9 @@ def _fill():
     profile = os.environ.get("AIRLOOP_WHEEL_PROFILE", "release")
     target = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
     target = target if target.is_absolute() else ROOT / target
-    # Program and extension module in one call: their libraries are then built once.
     if _has_lld():
         os.environ["AIRLOOP_LINK_ARGUMENT"] = ONE_OF_EQUAL_FUNCTIONS
+    # Program and extension module in one call: their libraries are then built once.
     _cargo("build", "--profile", profile, "-p", "airloop-cli", "-p", "airloop-python")
     fmus = ROOT / "target" / "fmu"
     if not list(fmus.glob("*.fmu")):

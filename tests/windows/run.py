@@ -50,9 +50,7 @@ def main():
                 sys.exit("too much")
         fmus = sorted((ROOT / "target/fmu").glob("*.fmu")) + sorted((ROOT / "target/fmu/fmi3").glob("*.fmu"))
         for fmu in fmus:
-            found = on_windows("inspect", "--check", fmu)
-            if "0 errors" not in found:
-                sys.exit(f"{fmu}: {found}")
+            on_windows("inspect", "--check", fmu)
         print(f"{len(fmus)} FMUs: no error found by inspect --check")
         answers = []
         for name, command in (("wine", on_windows), ("linux", lambda *words: run([program, *words], os.environ))):
@@ -71,7 +69,7 @@ def windows(folder):
 def run(command, environment):
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     if done.returncode:
-        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}: {done.stderr}")
+        sys.exit(f"{' '.join(map(str, command))} ended with {done.returncode}: {done.stdout}{done.stderr}")
     return done.stdout
 
 

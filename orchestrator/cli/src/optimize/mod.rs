@@ -176,9 +176,9 @@ fn search(
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
     let signals = prepared.task.signals.states.len() + prepared.task.signals.inputs.len();
+    let free = run::free_memory();
     for pass in &settings.passes {
-        if let Some(much) = size::forecast(pass.transcription, &pass.intervals, signals, run::free_memory())?
-        {
+        if let Some(much) = size::forecast(pass.transcription, &pass.intervals, signals, free)? {
             bar.suspend(|| output::to_stderr(&format!("note: {much}")));
         }
     }
