@@ -82,3 +82,26 @@ def test_small_forces_and_parameters_within_their_tolerance_are_no_effect(tmp_pa
     result = refine(folder / "study.toml", tmp_path / "out")
     assert result.returncode in (10, 11), result.stdout + result.stderr
     assert named(json.loads((tmp_path / "out" / "report.json").read_text())) == []
+
+
+def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
+    folder, truth = machine(tmp_path, "motor_e_outside_heat_tau_load")
+    study = folder / "study.toml"
+    # Few effects of the list: the search among them is not what is asked here.
+    study.write_text(study.read_text().replace("vt = 2.0", 'vt = 2.0\neffects = ["cf.viscous"]'))
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 13, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    law, true = found["law"], truth["effects"][0]["params"]
+    assert (law["port"], law["variables"]) == ("tau_load", ["T", "xdot"])
+    assert law["formula"] == "a*max(0, x - m)*tanh(v/sb)"
+    for name, value in [("a", true["coef"]["value"]), ("m", true["temperature"]["value"])]:
+        # Intervals of 95 %; twice as wide ones hold the truth in all but one of ten thousand.
+        low, high = law["params"][name]["ci95"]
+        assert abs(law["params"][name]["value"] - value) < high - low
+    # The amended system has the temperature at the block.
+    system = tmp_path / "out" / "system" / "system.ssd"
+    run = start("run", system, "--study", study, "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)

@@ -138,7 +138,7 @@ fn answered(answer: &Answer) -> String {
 /// A law in one sentence, or two.
 fn law(own: &Law) -> String {
     let text = own.effect.own.as_ref().map_or("", |own| own.formula.as_str());
-    let on = own.variables.iter().map(|name| names::variable(name)).collect::<Vec<_>>().join(" and ");
+    let on = over(own);
     let share = format!("It takes away {:.0} % of the error on validation records.", 100.0 * own.share);
     if own.named {
         format!(
@@ -152,6 +152,17 @@ fn law(own: &Law) -> String {
             own.port
         )
     }
+}
+
+/// Variables of a law in words, each with its letter in the formula where that is another.
+fn over(own: &Law) -> String {
+    let letters = own.covered.iter().map(|axis| axis.0.as_str()).chain(std::iter::repeat(""));
+    let one = |(name, letter): (&String, &str)| {
+        let word = names::variable(name);
+        let is_said = !own.named || letter.is_empty() || name == letter || letter == "t";
+        if is_said { word.to_owned() } else { format!("{word} ({letter})") }
+    };
+    own.variables.iter().zip(letters).map(one).collect::<Vec<_>>().join(" and ")
 }
 
 /// How much of the error effects and corrections take away, and where the rest is.

@@ -13,9 +13,9 @@ use crate::study::model::{Study, Tap};
 
 /// Pairs of ports of which one may depend on the motion at the other; with more the search takes too long.
 const MAX_PAIRS_OF_PORTS: usize = 6;
-/// Ratio of the excess over noise of a form over the motion at another port to that of the best form over the motion at
-/// the port itself, below which the former takes its place.
-const MAX_EXCESS_OVER_OWN: f64 = 0.5;
+/// Ratio of the excess over noise of a form over signals from elsewhere to that of the best form over the motion at the
+/// port itself, below which the former takes its place.
+pub(super) const MAX_EXCESS_OVER_OWN: f64 = 0.5;
 
 /// Place of velocity and position in a motion: port (0 the port itself, 1 the other) and variable there.
 type Shown = (usize, Variable);
@@ -47,14 +47,14 @@ impl Finder<'_> {
         for &pair in &pairs {
             let tap = self.show(study, pair, MOTIONS[0]);
             for variable in [Variable::Position, Variable::Velocity] {
-                forms.extend(self.over(study, declared, tap, &[variable], SCREENING_KNOTS));
+                forms.extend(self.over(study, declared, tap, &[variable], &[SCREENING_KNOTS]));
             }
         }
         let noise = self.noise;
         let excess = |form: &FreeForm| (form.at.smooth.held_out - noise).max(0.0);
         let mut best = least(forms).and_then(|form| {
             let variable = form.surface.variables[0];
-            let fine = self.over(study, declared, form.tap, &[variable], CURVE_KNOTS)?;
+            let fine = self.over(study, declared, form.tap, &[variable], &[CURVE_KNOTS])?;
             self.toward(study, fine)
         });
         let alone = |best: &Option<FreeForm>| {
@@ -68,7 +68,7 @@ impl Finder<'_> {
                     if !stop::asked() {
                         let tap = self.show(study, pair, motion);
                         let both = [Variable::Position, Variable::Velocity];
-                        forms.extend(self.over(study, declared, tap, &both, SURFACE_KNOTS));
+                        forms.extend(self.over(study, declared, tap, &both, &[SURFACE_KNOTS; 2]));
                     }
                 }
             }
@@ -84,17 +84,17 @@ impl Finder<'_> {
         found
     }
 
-    /// A free form at an attachment over variables that move there.
-    fn over(
+    /// A free form at an attachment over variables that move there, with so many knots of each.
+    pub(super) fn over(
         &self,
         study: &mut Study,
         declared: &Model,
         tap: usize,
         variables: &[Variable],
-        count: usize,
+        counts: &[usize],
     ) -> Option<FreeForm> {
         let knots: Option<Vec<Vec<f64>>> =
-            variables.iter().map(|own| self.knots(study, tap, *own, count)).collect();
+            variables.iter().zip(counts).map(|(own, count)| self.knots(study, tap, *own, *count)).collect();
         self.form(study, declared, tap, Surface { variables: variables.into(), knots: knots? })
     }
 
@@ -149,6 +149,6 @@ fn pairs(study: &Study) -> Vec<[usize; 2]> {
 }
 
 /// The form with the least held-out error.
-fn least(forms: Vec<FreeForm>) -> Option<FreeForm> {
+pub(super) fn least(forms: Vec<FreeForm>) -> Option<FreeForm> {
     forms.into_iter().min_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out))
 }

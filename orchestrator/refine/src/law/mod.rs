@@ -4,7 +4,8 @@
 //! simulation with a penalty chosen by held-out folds; around its optimum the error is a quadratic form of the heights.
 //! [`grammar`] lists the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit
 //! costs next to nothing. [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the
-//! motion at other ports, [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of
+//! motion at other ports, `observed` those over other measured signals,
+//! [`exact`] fits the best formulas in simulation and decides; [`rig`] does so for the rig of
 //! the vocabulary, which [`rig_whole`] holds against whole records. [`written`] turns a formula into an effect of one's
 //! own, [`found`] is the answer; [`listed`] asks whether effects of the list do as well.
 
@@ -16,6 +17,7 @@ pub mod found;
 mod free_form;
 pub mod grammar;
 pub mod listed;
+mod observed;
 mod place;
 pub mod rig;
 pub mod rig_whole;

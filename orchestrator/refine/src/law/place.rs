@@ -153,13 +153,12 @@ impl Finder<'_> {
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
         let aim = self.aim;
         let enough = |form: &FreeForm| (aim.is_share() || to_noise(form)) && enough(form);
-        let crossed = if self.wide && form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise {
-            self.crossed(study, declared, &form)
-        } else {
-            None
-        };
+        let more = |form: &FreeForm| form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise;
+        let crossed = if self.wide && more(&form) { self.crossed(study, declared, &form) } else { None };
+        let known = crossed.as_ref().unwrap_or(&form);
+        let observed = if more(known) { self.observed(study, declared, known) } else { None };
         let mut law = None;
-        for form in crossed.iter().chain([&form]) {
+        for form in observed.iter().chain(&crossed).chain([&form]) {
             if law.is_none() && enough(form) {
                 law = self.law(study, judge, declared, form);
             }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use super::extent::Extent;
-use super::found::{Law, as_effect, dissipation, parameters as law_parameters, told};
+use super::found::{Law, as_effect, dissipation, parameters as law_parameters};
 use super::grammar::Axis;
 use super::surface::{Surface, knots};
 use super::windows::{Windows, positions, velocity};
@@ -46,7 +46,7 @@ const MIN_LEFT_BY_EFFECTS: f64 = 0.02;
 const MAX_LEFT_FOR_SIMPLE_LAWS: f64 = 0.2;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
-const MAX_OF_EFFECTS: f64 = 0.1;
+const MAX_OF_EFFECTS: f64 = 0.3;
 /// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to
 /// what counts as noise, from which on no formula for it is looked for.
 const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
@@ -168,7 +168,6 @@ fn sought(
                 format!("a law at {} takes away {:.0} % of the error", law.port, 100.0 * law.share);
         }
     }
-    found.notes.extend(told(&law));
     found.unexplained = Some((law.place.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
@@ -217,8 +216,10 @@ pub(super) fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
         let mut traces = view.trace(r, &model.fit.parameters, &model.fit.locals[r]);
         for ((tap, trace), all) in study.taps.iter().zip(&mut traces).zip(&mut all) {
             let (v, x) = (measured(tap.signals[0]), measured(tap.signals[1]));
+            // A motion and a signal from elsewhere have nothing to do with each other.
+            let apart = tap.crossed.is_some();
             let places = match (v, x, trace.first()) {
-                (Some(v), None, Some(first)) => positions(first.position, v, record.step),
+                (Some(v), None, Some(first)) if !apart => positions(first.position, v, record.step),
                 _ => Vec::new(),
             };
             for (k, point) in trace.iter_mut().enumerate() {
@@ -226,7 +227,8 @@ pub(super) fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
                     point.position = *place;
                 }
                 if let Some(x) = x {
-                    (point.position, point.velocity) = (x[k], velocity(x, k, record.step));
+                    point.position = x[k];
+                    point.velocity = if apart { point.velocity } else { velocity(x, k, record.step) };
                 }
                 if let Some(v) = v {
                     point.velocity = v[k];

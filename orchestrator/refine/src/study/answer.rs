@@ -21,11 +21,12 @@ use super::smoothed;
 use super::steps;
 use super::whole::Whole;
 use crate::Error;
-use crate::answer::{Answer, Correction, Effect, Settings, Verdict};
+use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict};
 use crate::engine::fit::{Fit, fit};
 use crate::engine::stop;
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
+use crate::law::found::told as sentences;
 use crate::law::listed;
 use crate::law::study::{self as law, Aim};
 
@@ -145,6 +146,13 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         Some(law) => listed_instead(&study, &scale, &judge, (selection, law), &mut found, (settings, say)),
         None => (selection, None),
     };
+    if let Some((model, law)) = with_law.as_ref().zip(found.law.as_ref()) {
+        let fits = Fits::new(&study, scale.clone());
+        let mut told = notes(&fits, &selection, model, (&found.after[1], &found.floor[1]));
+        told.extend(remarks::noise(&judge, model));
+        told.extend(sentences(law));
+        found.notes = told;
+    }
     let refitted = if with_law.is_none() {
         finely(&mut study, &scale, (&judge, &selection), &found, settings)
     } else {
@@ -457,20 +465,8 @@ fn assemble(
     let [of_declared, of_best] = floors;
     let floor = [floor(fits, shown, Role::Estimation, seed), if chosen { of_best } else { of_declared }];
     let shown_errors = if chosen { &after[1] } else { &before[1] };
-    let mut notes = study.notes.clone();
-    notes.extend(study.loss().map(|loss| {
-        format!(
-            "Simulations of the search that lost an FMU count as impossible. The first was lost so: {loss}."
-        )
-    }));
-    notes.extend(remarks::remarks(fits, selection, shown));
-    for output in &study.outputs {
-        let left = shown_errors.rms.get(&output.name).copied().unwrap_or(0.0);
-        let times = left / floor[1].get(&output.name).copied().unwrap_or(output.noise);
-        if times > 2.0 {
-            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
-        }
-    }
+    let mut notes = notes(fits, selection, shown, (shown_errors, &floor[1]));
+    notes.extend(remarks::noise(judge, shown));
     notes.extend(remarks::leftover(fits, judge, shown, &rest));
     let unexplained = (verdict == Verdict::Unexplained)
         .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
@@ -499,6 +495,31 @@ fn assemble(
         notes,
         ..Answer::default()
     }
+}
+
+/// Sentences on the study and on what a model leaves; its `errors` on validation records and what noise gives there.
+fn notes(
+    fits: &Fits,
+    selection: &Selection,
+    shown: &Model,
+    (errors, floor): (&Errors, &BTreeMap<String, f64>),
+) -> Vec<String> {
+    let study = fits.study;
+    let mut notes = study.notes.clone();
+    notes.extend(study.loss().map(|loss| {
+        format!(
+            "Simulations of the search that lost an FMU count as impossible. The first was lost so: {loss}."
+        )
+    }));
+    notes.extend(remarks::remarks(fits, selection, shown));
+    for output in &study.outputs {
+        let left = errors.rms.get(&output.name).copied().unwrap_or(0.0);
+        let times = left / floor.get(&output.name).copied().unwrap_or(output.noise);
+        if times > 2.0 {
+            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
+        }
+    }
+    notes
 }
 
 /// Corrections of a model beside the changes of declared parameters that are effects of their own.

@@ -7,8 +7,8 @@ use super::fits::{Fits, Model};
 use super::search::Selection;
 use super::simulate::Piece;
 
-/// Sentences on the residual on the estimation records.
-pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
+/// Sentences on the share of noise in the residual on the estimation records.
+pub(super) fn noise(judge: &Judge, model: &Model) -> Vec<String> {
     let times = model.error / judge.power.sqrt();
     let mut found = vec![format!(
         "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
@@ -20,6 +20,12 @@ pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -
             "Smoothing of measured derivatives gives up to {share:.2} of the error on estimation records: where the motion is sharper than the filter, the model is not to blame."
         ));
     }
+    found
+}
+
+/// Sentences on the residual on the estimation records: on what it depends.
+pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -> Vec<String> {
+    let mut found = Vec::new();
     if let Some((place, variables)) = &rest.place {
         let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
         let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
