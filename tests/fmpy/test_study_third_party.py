@@ -105,3 +105,25 @@ def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
     assert run.returncode == 0, run.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
+def test_an_inertia_that_is_far_from_its_declared_value_is_named_where_nothing_fits_to_the_noise(tmp_path):
+    folder, truth = machine(tmp_path, "furuta_m_parameter_J_p")
+    result = refine(folder / "study.toml", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == ["parameter@J_p"] and not found["complete"]
+    effect, change = found["effects"][0], truth["effects"][0]["params"]["change"]["value"]
+    corrected = {own["parameter"]: own["value"] / own["declared"] for own in found["corrections"]}
+    # A pendulum shows its inertia over mass times length.
+    inertia = 1 + effect["params"]["delta"]["value"] / 1.1e-3
+    off = truth["off"]
+    true = (1 + change) * (1 + off["J_p"]) / (1 + off["m"]) / (1 + off["l"])
+    assert inertia / corrected["m"] / corrected["l"] == pytest.approx(true, rel=0.05)
+    assert change > 0.15 and effect["share"] == pytest.approx(truth["share"], abs=0.1)
+    assert "J_p" not in corrected
+    # The amended system has the other value.
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", folder / "study.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)

@@ -66,6 +66,7 @@ pub fn select_by_share(
         may_join: &|_, _| true,
         proposals: &[],
         pairs: false,
+        changes: 0..0,
         free_forms: &[],
         records: exact.records.clone(),
         screened: exact.screened.clone(),

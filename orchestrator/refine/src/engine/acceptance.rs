@@ -38,7 +38,7 @@ impl Run<'_> {
             let relative = tried.model.fit.parameters[own.free[0].index] / same.declared;
             let tolerance = same.free.prior.unwrap_or(0.0);
             let within = relative.abs() < s.max_tolerances * tolerance;
-            if within && tried.alone < s.min_share_of_correction {
+            if within && (tried.alone < s.min_share_of_correction || q.is_change(tried.candidate)) {
                 return Some("it is within the tolerance of a declared parameter".into());
             }
         }
@@ -46,13 +46,16 @@ impl Run<'_> {
     }
 
     /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
-    /// with fewer parameters that takes as much away without corrections.
+    /// with fewer parameters that takes as much away without corrections. Effects come before other values of declared
+    /// parameters.
     pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
         let (q, tie) = (self.question, self.question.settings.tie_share);
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
         let sound = || tried.iter().filter(|t| t.rejected.is_none());
         let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
-        let near = || sound().filter(|t| t.error <= least + tie * self.whole_error);
+        let tied = || sound().filter(|t| t.error <= least + tie * self.whole_error);
+        let only_changes = tied().all(|t| q.is_change(t.candidate));
+        let near = || tied().filter(|t| only_changes || !q.is_change(t.candidate));
         let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);
         let likeliest = near().min_by(likelier)?;
         let simpler = |t: &&Tried| size(t) < size(likeliest) && t.alone >= likeliest.alone - tie;
@@ -69,6 +72,7 @@ impl Run<'_> {
             t.candidate != accepted.candidate
                 && !nested
                 && t.rejected.is_none()
+                && (!q.is_change(t.candidate) || q.is_change(accepted.candidate))
                 && size(t) >= size(accepted)
                 && (t.model.fit.chi2 - accepted.model.fit.chi2) < q.settings.tie
                 && (t.error - accepted.error) < q.settings.tie_share * self.whole_error

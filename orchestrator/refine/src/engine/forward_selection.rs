@@ -96,6 +96,8 @@ const LOCAL_ROUNDS: usize = 3;
 const FITTED_FREE_FORMS: usize = 2;
 /// Candidates fitted because of their predicted gain with the corrections, and because of their gain without them.
 const FITTED_CANDIDATES: (usize, usize) = (5, 5);
+/// Other values of declared parameters that are fitted beside them.
+const FITTED_CHANGES: usize = 2;
 /// Candidates that are fitted again under the weights of the best.
 const REFITTED_CANDIDATES: usize = 4;
 
@@ -170,7 +172,8 @@ impl<'a> Run<'a> {
     ) -> Model {
         let mut start = start.to_vec();
         for correction in self.question.corrections {
-            if correction.effect.is_some_and(|effect| added.contains(&effect)) {
+            let replaced = |effect: usize| added.contains(&effect) && !self.question.is_change(effect);
+            if correction.effect.is_some_and(replaced) {
                 start[correction.free.index] = self.question.declared[correction.free.index];
             }
         }
@@ -261,9 +264,11 @@ impl<'a> Run<'a> {
             },
             ..base.clone()
         };
-        let wanted = |c: usize| !q.free_forms.contains(&c) && (q.may_join)(c, &base.added);
+        let may = |c: usize| !q.free_forms.contains(&c) && (q.may_join)(c, &base.added);
+        // Beside corrections a change has the entry of one of them.
+        let unchanged = |c: usize| may(c) && !q.is_change(c);
         let [beside, without] = self.with(weights, &q.records, |search| {
-            [base, &held].map(|model| distinct(search.screen_some(model, &wanted)))
+            [distinct(search.screen_some(base, &unchanged)), distinct(search.screen_some(&held, &may))]
         });
         let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
         let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| base.fit.locals[i].clone()).collect();
@@ -273,7 +278,9 @@ impl<'a> Run<'a> {
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
         alone.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut chosen: Vec<Promise> = beside.into_iter().take(FITTED_CANDIDATES.0).collect();
-        for (_, promise) in alone {
+        let (changes, alone): (Vec<_>, Vec<_>) =
+            alone.into_iter().map(|own| own.1).partition(|own| q.is_change(own.candidate));
+        for promise in alone {
             let far = q.same(promise.candidate).is_some_and(|c| {
                 let moved = base.fit.parameters[c.free.index].abs();
                 c.free.prior.is_some_and(|tolerance| moved > 1.5 * tolerance)
@@ -283,6 +290,7 @@ impl<'a> Run<'a> {
                 chosen.push(promise);
             }
         }
+        chosen.extend(changes.into_iter().take(FITTED_CHANGES));
         chosen
     }
 
@@ -299,6 +307,10 @@ impl<'a> Run<'a> {
                 added.push(promise.candidate);
                 let model = self.fit(weights, &added, &promise.parameters, &base.fit.locals, ROUNDS);
                 (self.fitted_error(&model), model)
+            })
+            .filter(|(_, model)| {
+                let change = model.added.last().filter(|&&c| q.is_change(c));
+                change.is_none_or(|&c| q.is_beyond_correction(c, &model.fit.parameters))
             })
             .collect();
         fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -463,8 +475,9 @@ mod tests {
         }
     }
 
-    /// The answer of `ask` on a system whose slope is known to `tolerance`.
-    fn asked(system: &Wavy, tolerance: f64, ask: impl FnOnce(&Question) -> Found) -> Found {
+    /// The answer of `ask` on a system whose slope is known to `tolerance`; `twin`: whether an effect does the same as
+    /// another slope.
+    fn asked_about(system: &Wavy, tolerance: f64, twin: bool, ask: impl FnOnce(&Question) -> Found) -> Found {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
         let candidate = |id: &'static str, index: usize| Candidate {
             id,
@@ -474,10 +487,11 @@ mod tests {
             starts: vec![Start { values: Vec::new(), open: vec![0], idle: true }],
             contains: None,
         };
-        let candidates = [candidate("slope", 0), candidate("square", 1)];
+        let slope = if twin { candidate("slope", 0) } else { candidate("", 2) };
+        let candidates = [candidate("square", 1), slope];
         let bounds = (-3.0 * tolerance, 3.0 * tolerance);
         let known = Free { prior: Some(tolerance), bounds, ..free(2) };
-        let corrections = [Correction { free: known, effect: Some(0), declared: 1.0 }];
+        let corrections = [Correction { free: known, effect: Some(1), declared: 1.0 }];
         let units = BTreeMap::from([("y".to_owned(), 1.0)]);
         let question = Question {
             system,
@@ -491,6 +505,7 @@ mod tests {
             proposals: &[],
             pairs: true,
             free_forms: &[],
+            changes: if twin { 2..2 } else { 1..2 },
             records: (0..4).collect(),
             screened: (0..4).collect(),
             folds: vec![vec![0, 1], vec![2, 3]],
@@ -499,6 +514,10 @@ mod tests {
             most: 2,
         };
         ask(&question)
+    }
+
+    fn asked(system: &Wavy, tolerance: f64, ask: impl FnOnce(&Question) -> Found) -> Found {
+        asked_about(system, tolerance, true, ask)
     }
 
     /// Effects found in a system whose slope is known to `tolerance`, by candidate, and the correction of the slope.
@@ -512,9 +531,9 @@ mod tests {
         let system = Wavy::new(0.5, 40.0, 6.0);
         let [first, again] = [
             asked(&system, 1.0, search),
-            asked(&system, 1.0, |question| refit(question, &[1], &[0.0, 30.0, 0.0])),
+            asked(&system, 1.0, |question| refit(question, &[0], &[0.0, 30.0, 0.0])),
         ];
-        assert_eq!((&first.best.added, &again.best.added), (&vec![1], &vec![1]));
+        assert_eq!((&first.best.added, &again.best.added), (&vec![0], &vec![0]));
         let distance =
             |index: usize| (first.best.fit.parameters[index] - again.best.fit.parameters[index]).abs();
         let deviation = again.best.fit.covariance[(0, 0)].sqrt();
@@ -525,13 +544,13 @@ mod tests {
     #[test]
     fn an_effect_that_leaves_several_times_the_noise_is_found_for_its_share() {
         let (added, _) = found(&Wavy::new(0.0, 40.0, 6.0), 1.0);
-        assert_eq!(added, [1]);
+        assert_eq!(added, [0]);
     }
 
     #[test]
     fn a_small_effect_joins_a_large_one_where_it_takes_nearly_all_that_is_left() {
         // Without the square the slope leaves 4.5 of 520; a wave that no effect describes leaves 42 more.
-        for (wave, expected) in [(0.0, vec![0, 1]), (60.0, vec![0])] {
+        for (wave, expected) in [(0.0, vec![0, 1]), (60.0, vec![1])] {
             let (mut added, _) = found(&Wavy::new(900.0, 40.0, wave), 1e-3);
             added.sort_unstable();
             assert_eq!(added, expected, "{wave}");
@@ -542,7 +561,20 @@ mod tests {
     fn a_parameter_within_its_tolerance_is_corrected_and_one_beyond_it_is_an_effect() {
         let (added, slope) = found(&Wavy::new(1.5, 0.0, 6.0), 1.0);
         assert!(added.is_empty() && (0.1..3.0).contains(&slope), "{added:?} {slope}");
-        assert_eq!(found(&Wavy::new(40.0, 0.0, 6.0), 1.0).0, [0]);
+        assert_eq!(found(&Wavy::new(40.0, 0.0, 6.0), 1.0).0, [1]);
+    }
+
+    #[test]
+    fn another_value_of_a_parameter_is_an_effect_where_a_correction_would_go_beyond_its_bound() {
+        for (slope, expected) in [(40.0, vec![1]), (1.5, vec![])] {
+            let result = asked_about(&Wavy::new(slope, 0.0, 6.0), 1.0, false, search);
+            assert_eq!(result.best.added, expected, "{slope}");
+            // It is held back by no tolerance.
+            let change = result.best.fit.parameters[2];
+            assert!((change - slope).abs() < 1.0, "{change}");
+        }
+        // An effect of the list that does it comes first.
+        assert_eq!(asked_about(&Wavy::new(0.0, 40.0, 6.0), 1.0, false, search).best.added, [0]);
     }
 
     #[test]

@@ -23,7 +23,9 @@ impl Run<'_> {
         let q = self.question;
         let linear = |t: &&Tried| {
             let own = &q.candidates[t.candidate];
-            !best.added.contains(&t.candidate) && own.starts.iter().all(|start| start.idle)
+            !best.added.contains(&t.candidate)
+                && !q.is_change(t.candidate)
+                && own.starts.iter().all(|start| start.idle)
         };
         let few: Vec<&Tried> = tried.iter().filter(linear).collect();
         if few.len() < 2 || !best.fit.chi2.is_finite() {

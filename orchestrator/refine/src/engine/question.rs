@@ -1,5 +1,7 @@
 //! Question and result of forward selection as data: system, candidates, corrections, folds; models and steps found.
 
+use std::ops::Range;
+
 use super::System;
 use super::candidate::Candidate;
 use super::fit::Free;
@@ -43,6 +45,9 @@ pub struct Question<'a> {
     /// Candidates that are free forms over one variable: they join no model, but show whether effects have the right
     /// form.
     pub free_forms: &'a [usize],
+    /// Candidates that are another value of a declared parameter, in place of its correction and with the same entry:
+    /// they join where they go beyond what a correction may do.
+    pub changes: Range<usize>,
     /// Estimation records.
     pub records: Vec<usize>,
     /// Positions in `records` of those that candidates are screened on.
@@ -119,6 +124,17 @@ impl Question<'_> {
     pub(super) fn beside(&self, added: &[usize]) -> Vec<Free> {
         let kept = |c: &&Correction| !c.effect.is_some_and(|effect| added.contains(&effect));
         self.always.iter().copied().chain(self.corrections.iter().filter(kept).map(|c| c.free)).collect()
+    }
+
+    /// Whether a candidate is another value of a declared parameter.
+    pub(super) fn is_change(&self, candidate: usize) -> bool {
+        self.changes.contains(&candidate)
+    }
+
+    /// Whether a change goes beyond what the correction may do that it takes the place of.
+    pub(super) fn is_beyond_correction(&self, change: usize, p: &[f64]) -> bool {
+        let reach = |own: &Correction| self.settings.max_tolerances * own.free.prior.unwrap_or(f64::INFINITY);
+        self.same(change).is_some_and(|own| p[own.free.index].abs() >= reach(own))
     }
 
     /// The correction that a candidate takes the place of.

@@ -24,7 +24,7 @@ use crate::study::errors::errors;
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
-use crate::study::model::{Action, Entry, Output, Study};
+use crate::study::model::{Action, Entry, Output, Study, Tap};
 use crate::study::ruling::share;
 use crate::study::search::Say;
 use crate::study::tolerance::{self, MAX_CORRECTIONS};
@@ -423,6 +423,7 @@ impl Finder<'_> {
             .map(|axis| (axis.name.to_owned(), axis.range.0, axis.range.1, axis.unit.clone()))
             .collect();
         let word = |variable: &Variable| explain::word(study, tap, *variable).to_owned();
+        let words = sources(&found.effect.words, &study.taps[tap], &found.variables);
         let law = Law {
             port: study.taps[tap].name.clone(),
             channel: channel.to_owned(),
@@ -435,7 +436,7 @@ impl Finder<'_> {
             rivals: found.rivals,
             covered,
             dissipation: self.dissipation(study, tap, &found.effect, &values),
-            toml: found.effect.to_toml(&values),
+            toml: Own { words, ..(*found.effect).clone() }.to_toml(&values),
             effect,
         };
         let error = self.error(study, &model);
@@ -499,6 +500,21 @@ pub(super) struct Found {
     pub(super) share: f64,
     pub(super) rivals: Vec<(String, f64)>,
     pub(super) axes: Vec<Axis>,
+}
+
+/// Words on a law with the signals that its letters stand for.
+fn sources(words: &str, tap: &Tap, variables: &[Variable]) -> String {
+    let signal = |variable: &Variable| {
+        let signal = match variable {
+            Variable::Position => tap.attachment.position.clone(),
+            Variable::Velocity => tap.attachment.velocity.clone(),
+            Variable::Value => Some(tap.name.clone()),
+            _ => None,
+        };
+        signal.map(|signal| format!("{} = {signal}", name(*variable)))
+    };
+    let known: Vec<String> = variables.iter().filter_map(signal).collect();
+    if known.is_empty() { words.to_owned() } else { format!("a {words}, with {}", known.join(" and ")) }
 }
 
 /// Root of the mean square over the outputs, each in units of its scale.

@@ -255,19 +255,21 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
     // A parameter that is off by as much as a correction may be is an effect.
     let reach = 0.98 * settings.forward_selection.max_tolerances;
     let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
-    let fewer = found.selection.best.added.len() < exact.best.added.len();
-    let simpler = known && fewer && are_likelier(fits, &found, &exact.best);
+    let fewer = found.selection.effects() < exact.effects();
+    let simpler = known && fewer && are_likelier(fits, &found, &exact);
     if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
         return (exact, None);
     }
     (found.selection.clone(), Some(found))
 }
 
-/// Whether the corrections beside some effects are likelier than the further effects of a model that needs none.
-fn are_likelier(fits: &Fits, found: &ByShare, model: &Model) -> bool {
-    let parameters =
-        |added: &[usize]| -> usize { added.iter().map(|&c| fits.study.candidates[c].entries.len()).sum() };
-    let more = parameters(&model.added).saturating_sub(parameters(&found.selection.best.added)).max(1);
+/// Whether the corrections beside some effects are likelier than the further effects of a selection that needs none.
+fn are_likelier(fits: &Fits, found: &ByShare, exact: &Selection) -> bool {
+    let parameters = |own: &Selection| -> usize {
+        let of_effects = own.best.added.iter().map(|&c| fits.study.candidates[c].entries.len());
+        of_effects.sum::<usize>() + own.changed.len()
+    };
+    let more = parameters(exact).saturating_sub(parameters(&found.selection)).max(1);
     let known = found.corrections.iter().filter(|own| own.tolerance > 0.0);
     let moved: Vec<f64> = known.map(|own| own.moved / own.tolerance).collect();
     are_cheaper(&moved, more, fits.count(&fits.pieces))
@@ -290,7 +292,7 @@ fn weakest_dependent(
     found: &Answer,
 ) -> Option<(usize, f64)> {
     let (study, added) = (search.fits.study, &selection.best.added);
-    if found.verdict != Verdict::Effect || found.complete || added.len() < 2 || stop::asked() {
+    if found.verdict != Verdict::Effect || found.complete || selection.effects() < 2 || stop::asked() {
         return None;
     }
     let needing = |c: usize| added.iter().map(|&o| &study.candidates[o]).filter(move |o| o.needs == Some(c));

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::changed;
 use super::explain::{self, Judge};
 use super::fits::{self, Fits};
 use super::influence::{Influential, Singles, influential};
@@ -26,6 +27,8 @@ const MAX_RECORDS_FOR_SPANS: usize = 2;
 pub struct ByShare {
     /// Effects with corrections, and the single ones; `declared` is the declared model as it stands.
     pub selection: Selection,
+    /// The effects of the best model, other values of declared parameters among them.
+    pub added: Vec<usize>,
     /// The corrections alone.
     pub corrected: fits::Model,
     /// Corrections beside the effects.
@@ -51,7 +54,8 @@ impl ByShare {
             added
         };
         let small = self.corrections.iter().all(|own| own.moved.abs() < own.tolerance);
-        small && !other.best.added.is_empty() && sorted(&self.selection) == sorted(other)
+        let unchanged = self.selection.changed.is_empty() && other.changed.is_empty();
+        small && unchanged && !other.best.added.is_empty() && sorted(&self.selection) == sorted(other)
     }
 }
 
@@ -81,7 +85,7 @@ impl Search<'_> {
     /// records; the effects accepted one by one in its place, where they do better on the estimation records.
     pub fn without(&self, found: &ByShare, weak: usize, alone: f64) -> ByShare {
         let (study, selection) = (self.fits.study, &found.selection);
-        let rest: Vec<usize> = selection.best.added.iter().copied().filter(|&c| c != weak).collect();
+        let rest: Vec<usize> = found.added.iter().copied().filter(|&c| c != weak).collect();
         let declared = &selection.declared.fit.parameters;
         let fitted = |added: &[usize], start: &[f64]| {
             self.ask(selection, |question, known| {
@@ -129,11 +133,13 @@ impl Search<'_> {
         let units = study.outputs.iter().zip(self.units);
         let units: BTreeMap<String, f64> = units.map(|(output, unit)| (output.name.clone(), *unit)).collect();
         let held_out = HeldOut::new(&whole, &units);
-        let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+        let mut candidates: Vec<Candidate> =
+            (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
         let p = &declared.fit.parameters;
         let locals = fits::locals_of(self.fits, &pieces, declared);
         let rules = self.settings.forward_selection;
-        let known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
+        let mut known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
+        candidates.extend(changes(study, &mut known));
         let always = study.declared_free();
         let probes = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe);
         let free_forms: Vec<usize> = probes.collect();
@@ -146,12 +152,13 @@ impl Search<'_> {
             always: &always,
             locals,
             may_join: &|c, added| {
-                let own = &study.candidates[c];
+                let Some(own) = study.candidates.get(c) else { return true };
                 !own.is_resolution() && own.needs.is_none_or(|needs| added.contains(&needs))
             },
             proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
             pairs: true,
             free_forms: &free_forms,
+            changes: study.candidates.len()..candidates.len(),
             records: (0..pieces.len()).collect(),
             screened: (0..pieces.len()).collect(),
             folds,
@@ -200,13 +207,25 @@ fn known(
     influential(study, whole, at, most).into_iter().map(one).collect()
 }
 
+/// Other values of the declared parameters that no effect of the list does the same as, as candidates behind those of
+/// the study.
+fn changes(study: &Study, known: &mut [question::Correction]) -> Vec<Candidate> {
+    let alone = known.iter_mut().filter(|own| own.effect.is_none()).enumerate();
+    let one = |(k, own): (usize, &mut question::Correction)| {
+        // Its value is that of the correction.
+        (own.effect, own.declared) = (Some(study.candidates.len() + k), 1.0);
+        changed::candidate(Free { prior: None, ..study.entries[own.free.index].free })
+    };
+    alone.map(one).collect()
+}
+
 /// Why a fitted candidate makes no sense, if it does not.
 fn sense(study: &Study, model: &Model) -> Option<String> {
-    let own = fits::Model::new(model.added.clone(), model.fit.clone(), f64::NAN);
-    if physical(study, &own) {
+    let added: Vec<usize> = model.added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
+    let last = &study.candidates[*added.last()?];
+    if physical(study, &fits::Model::new(added, model.fit.clone(), f64::NAN)) {
         return None;
     }
-    let last = study.candidates.get(*model.added.last()?)?;
     Some(match last.action {
         Action::Sensor { .. } => "a sensor is not off by half of what it shows".into(),
         _ => format!(
@@ -220,7 +239,14 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
     let study = fits.study;
     let best = model(fits, &found.best);
     let corrected = model(fits, &found.base);
-    let names = |added: &[usize]| added.iter().map(|&c| study.candidates[c].name()).collect();
+    // Other values of declared parameters are no candidates of the study.
+    let change = |c: usize| known.iter().find(|own| own.effect == Some(c) && c >= study.candidates.len());
+    let entry = |c: usize| change(c).map(|own| &study.entries[own.free.index]);
+    let name = |c: usize| {
+        entry(c).map_or_else(|| study.candidates[c].name(), |own| format!("{}@{}", changed::KIND, own.name))
+    };
+    let port = |c: usize| entry(c).map_or_else(|| study.candidates[c].port.clone(), |own| own.name.clone());
+    let names = |added: &[usize]| added.iter().map(|&c| name(c)).collect();
     let steps = found
         .steps
         .iter()
@@ -230,21 +256,24 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
                 .tried
                 .iter()
                 .map(|own| Tried {
-                    id: study.candidates[own.candidate].name(),
-                    port: Some(study.candidates[own.candidate].port.clone()),
+                    id: name(own.candidate),
+                    port: Some(port(own.candidate)),
                     held_out_gain: own.held_out,
                     rejected: own.rejected.clone(),
                 })
                 .collect(),
         })
         .collect();
-    let singles = found
-        .steps
-        .first()
-        .map_or_else(Vec::new, |step| step.tried.iter().map(|own| model(fits, &own.model)).collect());
-    let equals = found.equals.iter().map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
+    let singles = found.steps.first().map_or_else(Vec::new, |step| {
+        let of_the_list = step.tried.iter().filter(|own| change(own.candidate).is_none());
+        of_the_list.map(|own| model(fits, &own.model)).collect()
+    });
+    let of_the_list = found.equals.iter().filter(|(lacking, _)| change(*lacking).is_none());
+    let equals = of_the_list.map(|(lacking, own)| (*lacking, model(fits, &own.model))).collect();
     let path = vec![(Vec::new(), f64::NAN)];
-    let selection = Selection { equals, ..Selection::new(declared.clone(), best, singles, path) };
+    let changed = found.best.added.iter().filter_map(|&c| Some(study.entries[change(c)?.free.index].free));
+    let changed = changed.map(|free| Free { prior: None, ..free }).collect();
+    let selection = Selection { equals, changed, ..Selection::new(declared.clone(), best, singles, path) };
     let corrections = corrections(study, &selection.best, known);
     let free_form = found.free_form.map(|form| {
         let own = &study.candidates[form.candidate];
@@ -253,6 +282,7 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
     let one_by_one = found.one_by_one.clone();
     ByShare {
         selection,
+        added: found.best.added.clone(),
         corrected,
         corrections,
         one_by_one,
@@ -272,16 +302,18 @@ pub fn corrections(study: &Study, model: &fits::Model, known: &[question::Correc
         let half = 1.96 * (declared * model.fit.covariance[(a, a)].max(0.0).sqrt()).abs();
         let value = declared * (1.0 + moved);
         let (component, parameter) = entry.name.rsplit_once('.').unwrap_or(("", &entry.name));
+        // One without a tolerance is an effect of its own.
+        let tolerance = free.prior?;
         let twin = known.iter().find(|own| own.free.index == free.index).and_then(|own| own.effect);
         Some(Correction {
-            id: twin.map(|c| study.candidates[c].id.to_owned()),
+            id: twin.and_then(|c| study.candidates.get(c)).map(|own| own.id.to_owned()),
             component: component.into(),
             parameter: parameter.into(),
             declared,
             value,
             interval: (value - half, value + half),
             moved,
-            tolerance: free.prior.unwrap_or(0.0),
+            tolerance,
             parameters: Vec::new(),
         })
     };

@@ -87,7 +87,7 @@ pub(super) fn rule_by_share(
     rules: &ForwardSelection,
 ) -> Ruling {
     let best = &found.selection.best;
-    let helps = !best.added.is_empty() && share >= rules.min_validated_share;
+    let helps = found.selection.effects() > 0 && share >= rules.min_validated_share;
     if let Some((channel, variables, _)) = found.free_form.clone() {
         let gain = best.error.powi(2);
         let port = channel.split_once('@').map_or(channel.as_str(), |(_, port)| port).to_owned();
