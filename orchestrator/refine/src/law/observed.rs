@@ -20,8 +20,8 @@ const MAX_PAIRS: usize = 8;
 const SIGNAL_KNOTS: usize = 4;
 
 impl Finder<'_> {
-    /// The best form over a measured signal that belongs to no port, alone or with the velocity at the port or the value
-    /// that passes, at its optimum, if it leaves much less than `own`.
+    /// The best form over a measured signal that belongs to no port, with the velocity at the port or the value that passes
+    /// where they are known, at its optimum, if it leaves much less than `own`.
     pub(super) fn observed(
         &mut self,
         study: &mut Study,
