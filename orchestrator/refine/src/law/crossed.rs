@@ -52,7 +52,8 @@ impl Finder<'_> {
         }
         let noise = self.noise;
         let excess = |form: &FreeForm| (form.at.smooth.held_out - noise).max(0.0);
-        let mut best = least(forms).and_then(|form| {
+        let hopeful = |form: &FreeForm| form.is_hopeful(noise);
+        let mut best = least(forms).filter(hopeful).and_then(|form| {
             let variable = form.surface.variables[0];
             let fine = self.over(study, declared, form.tap, &[variable], &[CURVE_KNOTS])?;
             self.toward(study, fine)
@@ -72,7 +73,7 @@ impl Finder<'_> {
                     }
                 }
             }
-            let two = least(forms).and_then(|form| self.toward(study, form));
+            let two = least(forms).filter(hopeful).and_then(|form| self.toward(study, form));
             let better = |two: &FreeForm| best.as_ref().is_none_or(|one| excess(two) < 0.5 * excess(one));
             best = two.filter(better).or(best);
         }

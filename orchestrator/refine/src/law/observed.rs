@@ -20,8 +20,8 @@ const MAX_PAIRS: usize = 8;
 const SIGNAL_KNOTS: usize = 4;
 
 impl Finder<'_> {
-    /// The best form over a measured signal that belongs to no port, with the velocity at the port or the value that passes
-    /// where they are known, at its optimum, if it leaves much less than `own`.
+    /// The best form over a measured signal that belongs to no port, with the velocity at the port or the value that
+    /// passes where they are known, at its optimum, if it leaves much less than `own`.
     pub(super) fn observed(
         &mut self,
         study: &mut Study,
@@ -52,7 +52,8 @@ impl Finder<'_> {
                 forms.extend(self.over(study, declared, tap, &[Variable::Position], &[SCREENING_KNOTS]));
             }
         }
-        let best = least(forms).filter(|form| excess(form) < excess(own));
+        let hopeful = |form: &FreeForm| form.is_hopeful(noise) && excess(form) < excess(own);
+        let best = least(forms).filter(hopeful);
         let best = best.and_then(|form| self.toward(study, form));
         let found = best.filter(|form| excess(form) < MAX_EXCESS_OVER_OWN * excess(own));
         if found.is_none() {

@@ -13,6 +13,9 @@ use crate::study::model::Study;
 
 /// Share of the excess over noise that a free form has to take away for a law to be looked for.
 const MIN_SHARE_OF_EXCESS: f64 = 0.2;
+/// Share of the excess over noise that a free form may leave by its quadratic form around zero heights to be brought to
+/// its optimum: a law leaves next to nothing.
+const MAX_EXCESS_AT_START: f64 = 0.7;
 /// Share of a second variable in what one leaves, from which on both are needed.
 const MIN_SHARE_OF_SECOND_VARIABLE: f64 = 0.15;
 /// Held-out error of a free form in windows over that of noise, below which no other variable is looked at.
@@ -65,6 +68,15 @@ fn places(study: &Study) -> Vec<(usize, Variable)> {
     found
 }
 
+impl FreeForm {
+    /// Whether a form around zero heights takes away so much that a law there may leave next to nothing.
+    pub(super) fn is_hopeful(&self, noise: f64) -> bool {
+        let excess = |error: f64| (error - noise).max(0.0);
+        let smooth = &self.at.smooth;
+        excess(smooth.held_out) < MAX_EXCESS_AT_START * excess(smooth.without)
+    }
+}
+
 impl Finder<'_> {
     pub(super) fn find(
         &mut self,
@@ -92,7 +104,9 @@ impl Finder<'_> {
         singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         let most = gain(singles.first()?);
         let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
-        let mut known = self.tell_ports(study, declared, &mut singles, near);
+        let hopeful = |form: &FreeForm| form.is_hopeful(noise);
+        let mut known =
+            if hopeful(&singles[0]) { self.tell_ports(study, declared, &mut singles, near) } else { None };
         let best = singles.first()?;
         let one = self.noise_of_sample(study);
         let enough = |form: &FreeForm| {
@@ -102,7 +116,7 @@ impl Finder<'_> {
         let (tap, first) = (best.tap, best.surface.variables[0]);
         let mut forms: Vec<FreeForm> = Vec::new();
         for form in singles.iter().take(2).filter(|form| form.tap == tap) {
-            if gain(form) < MIN_GAIN_OVER_BEST * most {
+            if gain(form) < MIN_GAIN_OVER_BEST * most || !hopeful(form) {
                 continue;
             }
             let own = |known: &FreeForm| known.surface.variables == form.surface.variables;
@@ -139,17 +153,12 @@ impl Finder<'_> {
             }
         }
         pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
-        if let Some(pair) = pairs.into_iter().next() {
+        if let Some(pair) = pairs.into_iter().next().filter(hopeful) {
             forms.extend(self.toward(study, pair));
         }
-        forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
-        let least = forms.first()?.at.smooth.held_out;
-        // What one variable leaves may be as much more than what two leave.
-        let more = MIN_SHARE_OF_SECOND_VARIABLE * (least - self.noise).max(MIN_EXCESS_OF_LEAST * least);
-        let simple =
-            |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
-        let at = forms.iter().position(simple).unwrap_or(0);
-        let form = forms.swap_remove(at);
+        let form = self.simplest(forms);
+        let is_place = form.is_some();
+        let form = form.unwrap_or_else(|| best.clone());
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
         let aim = self.aim;
         let enough = |form: &FreeForm| (aim.is_share() || to_noise(form)) && enough(form);
@@ -158,7 +167,7 @@ impl Finder<'_> {
         let known = crossed.as_ref().unwrap_or(&form);
         let observed = if more(known) { self.observed(study, declared, known) } else { None };
         let mut law = None;
-        for form in observed.iter().chain(&crossed).chain([&form]) {
+        for form in observed.iter().chain(&crossed).chain(is_place.then_some(&form)) {
             if law.is_none() && enough(form) {
                 law = self.law(study, judge, declared, form);
             }
@@ -195,6 +204,18 @@ impl Finder<'_> {
             _ => law?,
         };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// The free form with the least held-out error, or one over a variable less that leaves about as much.
+    fn simplest(&self, mut forms: Vec<FreeForm>) -> Option<FreeForm> {
+        forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        let least = forms.first()?.at.smooth.held_out;
+        // What one variable leaves may be as much more than what two leave.
+        let more = MIN_SHARE_OF_SECOND_VARIABLE * (least - self.noise).max(MIN_EXCESS_OF_LEAST * least);
+        let simple =
+            |form: &FreeForm| form.surface.variables.len() == 1 && form.at.smooth.held_out < least + more;
+        let at = forms.iter().position(simple).unwrap_or(0);
+        Some(forms.swap_remove(at))
     }
 
     /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by the residual
