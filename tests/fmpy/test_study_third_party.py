@@ -97,6 +97,8 @@ def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
     law, true = found["law"], truth["effects"][0]["params"]
     assert (law["port"], law["variables"]) == ("tau_load", ["T", "xdot"])
     assert law["formula"] == "a*max(0, x - m)*tanh(v/sb)"
+    # Text has the names of the signals.
+    assert "over T (x) and w (v): a*max(" in result.stdout
     for name, value in [("a", true["coef"]["value"]), ("m", true["temperature"]["value"])]:
         # Intervals of 95 %; twice as wide ones hold the truth in all but one of ten thousand.
         low, high = law["params"][name]["ci95"]

@@ -154,10 +154,21 @@ fn law(own: &Law) -> String {
     }
 }
 
-/// Variables of a law in words, each with its letter in the formula where that is another.
+/// Variables of a law in words, each with its letter in the formula where that is another; those of a study by the names
+/// of its signals.
 fn over(own: &Law) -> String {
     let letters = own.covered.iter().map(|axis| axis.0.as_str()).chain(std::iter::repeat(""));
+    let signal = |letter: &str| {
+        let wiring = own.effect.wiring.as_ref()?;
+        match letter {
+            "x" => wiring.position.as_deref(),
+            "v" => wiring.velocity.as_deref(),
+            "f" => Some(own.port.as_str()),
+            _ => None,
+        }
+    };
     let one = |(name, letter): (&String, &str)| {
+        let name = signal(letter).unwrap_or(name);
         let word = names::variable(name);
         let is_said = !own.named || letter.is_empty() || name == letter || letter == "t";
         if is_said { word.to_owned() } else { format!("{word} ({letter})") }
