@@ -154,8 +154,8 @@ fn law(own: &Law) -> String {
     }
 }
 
-/// Variables of a law in words, each with its letter in the formula where that is another; those of a study by the names
-/// of its signals.
+/// Variables of a law in words, each with its letter in the formula where that is another; those of a study by the
+/// names of its signals.
 fn over(own: &Law) -> String {
     let letters = own.covered.iter().map(|axis| axis.0.as_str()).chain(std::iter::repeat(""));
     let signal = |letter: &str| {
