@@ -1,11 +1,10 @@
 //! Free forms at a port over the motion at other ports: a force that couples two joints or tanks depends on both
 //! motions.
 
-use super::extent::Extent;
+use super::elsewhere::least;
 use super::free_form::FreeForm;
 use super::place::{CURVE_KNOTS, MAX_ERROR_WITHOUT_SECOND, SCREENING_KNOTS, SURFACE_KNOTS};
 use super::study::Finder;
-use super::surface::Surface;
 use crate::engine::stop;
 use crate::study::fits::Model;
 use crate::study::law::Variable;
@@ -13,9 +12,6 @@ use crate::study::model::{Study, Tap};
 
 /// Pairs of ports of which one may depend on the motion at the other; with more the search takes too long.
 const MAX_PAIRS_OF_PORTS: usize = 6;
-/// Ratio of the excess over noise of a form over signals from elsewhere to that of the best form over the motion at the
-/// port itself, below which the former takes its place.
-pub(super) const MAX_EXCESS_OVER_OWN: f64 = 0.5;
 
 /// Place of velocity and position in a motion: port (0 the port itself, 1 the other) and variable there.
 type Shown = (usize, Variable);
@@ -37,21 +33,29 @@ impl Finder<'_> {
         declared: &Model,
         own: &FreeForm,
     ) -> Option<FreeForm> {
-        let before = Extent::of(study);
         let pairs = pairs(study);
         if pairs.is_empty() || pairs.len() > MAX_PAIRS_OF_PORTS || stop::asked() {
             return None;
         }
         (self.say)("free forms over the motion at other ports");
+        self.instead_of(own, study, |finder, study| finder.over_motions(study, declared, &pairs))
+    }
+
+    /// The best form over the motions of some pairs of ports, at its optimum.
+    fn over_motions(
+        &mut self,
+        study: &mut Study,
+        declared: &Model,
+        pairs: &[[usize; 2]],
+    ) -> Option<FreeForm> {
         let mut forms = Vec::new();
-        for &pair in &pairs {
+        for &pair in pairs {
             let tap = self.show(study, pair, MOTIONS[0]);
             for variable in [Variable::Position, Variable::Velocity] {
                 forms.extend(self.over(study, declared, tap, &[variable], &[SCREENING_KNOTS]));
             }
         }
         let noise = self.noise;
-        let excess = |form: &FreeForm| (form.at.smooth.held_out - noise).max(0.0);
         let hopeful = |form: &FreeForm| form.is_hopeful(noise);
         let mut best = least(forms).filter(hopeful).and_then(|form| {
             let variable = form.surface.variables[0];
@@ -64,7 +68,7 @@ impl Finder<'_> {
         };
         if !alone(&best) {
             let mut forms = Vec::new();
-            for &pair in &pairs {
+            for &pair in pairs {
                 for motion in MOTIONS {
                     if !stop::asked() {
                         let tap = self.show(study, pair, motion);
@@ -74,29 +78,11 @@ impl Finder<'_> {
                 }
             }
             let two = least(forms).filter(hopeful).and_then(|form| self.toward(study, form));
-            let better = |two: &FreeForm| best.as_ref().is_none_or(|one| excess(two) < 0.5 * excess(one));
+            let better =
+                |two: &FreeForm| best.as_ref().is_none_or(|one| two.excess(noise) < 0.5 * one.excess(noise));
             best = two.filter(better).or(best);
         }
-        let found = best.filter(|form| excess(form) < MAX_EXCESS_OVER_OWN * excess(own));
-        if found.is_none() {
-            before.restore(study);
-            self.trace.truncate(study.taps.len());
-        }
-        found
-    }
-
-    /// A free form at an attachment over variables that move there, with so many knots of each.
-    pub(super) fn over(
-        &self,
-        study: &mut Study,
-        declared: &Model,
-        tap: usize,
-        variables: &[Variable],
-        counts: &[usize],
-    ) -> Option<FreeForm> {
-        let knots: Option<Vec<Vec<f64>>> =
-            variables.iter().zip(counts).map(|(own, count)| self.knots(study, tap, *own, *count)).collect();
-        self.form(study, declared, tap, Surface { variables: variables.into(), knots: knots? })
+        best
     }
 
     /// An attachment at the first port of a pair that shows a motion of both.
@@ -126,10 +112,7 @@ impl Finder<'_> {
             point
         });
         let points = points.collect();
-        self.trace.push(points);
-        study.taps.push(tap);
-        study.forget_instances();
-        study.taps.len() - 1
+        self.attach(study, tap, points)
     }
 }
 
@@ -147,9 +130,4 @@ fn pairs(study: &Study) -> Vec<[usize; 2]> {
     let ports: Vec<usize> = (0..study.taps.len()).filter(|&tap| moves(&study.taps[tap])).collect();
     let apart = |a: usize, b: usize| study.taps[a].signals[..2] != study.taps[b].signals[..2];
     ports.iter().flat_map(|&a| ports.iter().filter(move |&&b| apart(a, b)).map(move |&b| [a, b])).collect()
-}
-
-/// The form with the least held-out error.
-pub(super) fn least(forms: Vec<FreeForm>) -> Option<FreeForm> {
-    forms.into_iter().min_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out))
 }

@@ -1,8 +1,7 @@
 //! Free forms at a port over measured signals that are no motion of a port: a friction that falls as a motor heats up
 //! depends on a temperature, a valve on a pressure.
 
-use super::crossed::{MAX_EXCESS_OVER_OWN, least};
-use super::extent::Extent;
+use super::elsewhere::least;
 use super::free_form::FreeForm;
 use super::place::{SCREENING_KNOTS, SURFACE_KNOTS};
 use super::study::Finder;
@@ -28,16 +27,26 @@ impl Finder<'_> {
         declared: &Model,
         own: &FreeForm,
     ) -> Option<FreeForm> {
-        let before = Extent::of(study);
         let pairs = pairs(study);
         if pairs.is_empty() || pairs.len() > MAX_PAIRS || stop::asked() {
             return None;
         }
         (self.say)("free forms over other measured signals");
-        let noise = self.noise;
-        let excess = |form: &FreeForm| (form.at.smooth.held_out - noise).max(0.0);
+        let most = own.excess(self.noise);
+        self.instead_of(own, study, |finder, study| finder.over_signals(study, declared, &pairs, most))
+    }
+
+    /// The best form over the signals of some pairs of a port and a measured output, at its optimum, if its excess over
+    /// noise is less than `most` before.
+    fn over_signals(
+        &mut self,
+        study: &mut Study,
+        declared: &Model,
+        pairs: &[(usize, usize)],
+        most: f64,
+    ) -> Option<FreeForm> {
         let mut forms = Vec::new();
-        for (port, output) in pairs {
+        for &(port, output) in pairs {
             let tap = self.observe(study, port, output);
             let two = [Variable::Velocity, Variable::Value].map(|other| [Variable::Position, other]);
             let before = forms.len();
@@ -52,15 +61,9 @@ impl Finder<'_> {
                 forms.extend(self.over(study, declared, tap, &[Variable::Position], &[SCREENING_KNOTS]));
             }
         }
-        let hopeful = |form: &FreeForm| form.is_hopeful(noise) && excess(form) < excess(own);
-        let best = least(forms).filter(hopeful);
-        let best = best.and_then(|form| self.toward(study, form));
-        let found = best.filter(|form| excess(form) < MAX_EXCESS_OVER_OWN * excess(own));
-        if found.is_none() {
-            before.restore(study);
-            self.trace.truncate(study.taps.len());
-        }
-        found
+        let noise = self.noise;
+        let best = least(forms).filter(|form| form.is_hopeful(noise) && form.excess(noise) < most)?;
+        self.toward(study, best)
     }
 
     /// An attachment at a port that shows a measured output in place of the position there.
@@ -83,10 +86,7 @@ impl Finder<'_> {
             .flat_map(|piece| &study.records[piece.record].outputs[output][piece.range.clone()]);
         let points = self.trace[port].iter().zip(measured);
         let points = points.map(|(point, value)| Point { position: *value, ..*point }).collect();
-        self.trace.push(points);
-        study.taps.push(tap);
-        study.forget_instances();
-        study.taps.len() - 1
+        self.attach(study, tap, points)
     }
 }
 

@@ -69,11 +69,14 @@ fn places(study: &Study) -> Vec<(usize, Variable)> {
 }
 
 impl FreeForm {
+    /// Held-out error above `noise`, both sums of squares \[scale^2\].
+    pub(super) fn excess(&self, noise: f64) -> f64 {
+        (self.at.smooth.held_out - noise).max(0.0)
+    }
+
     /// Whether a form around zero heights takes away so much that a law there may leave next to nothing.
     pub(super) fn is_hopeful(&self, noise: f64) -> bool {
-        let excess = |error: f64| (error - noise).max(0.0);
-        let smooth = &self.at.smooth;
-        excess(smooth.held_out) < MAX_EXCESS_AT_START * excess(smooth.without)
+        self.excess(noise) < MAX_EXCESS_AT_START * (self.at.smooth.without - noise).max(0.0)
     }
 }
 
