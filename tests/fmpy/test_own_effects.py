@@ -142,6 +142,56 @@ def test_the_command_explains_and_checks(refined, tmp_path):
     assert "quaddrag" in airloop("effects", "list")
 
 
+CREEP = """kind = "creep"
+port = "sensor"
+formula = "f + k*z"
+words = "creep of the sensor"
+variables.f = "m"
+[states]
+z = "(f - z)/tau"
+[parameters]
+k = { unit = "1" }
+tau = { unit = "s", bounds = [1e-2, 1e2], start = [0.1, 1.0] }
+"""
+
+
+def test_a_sensor_that_creeps_is_found_and_stands_behind_the_output(tmp_path):
+    k, tau = 0.08, 0.4
+    text = STUDY.replace("[[attachment]]", 'v = { column = "speed", unit = "m/s" }\n[[attachment]]')
+    for number in range(4):
+        u = drive(number)
+
+        def rate(time, y):
+            force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
+            return [y[1], (force - DAMPING * y[1]) / MASS, (y[0] - y[2]) / tau]
+
+        times = STEP * np.arange(COUNT)
+        x, v, z = solve_ivp(rate, (0, times[-1]), [0.0, 0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y
+        noise = 1e-4 * np.random.default_rng(50 + number).standard_normal((2, COUNT))
+        rows = np.column_stack([times, u, x + k * z + noise[0], v + noise[1]])
+        np.savetxt(tmp_path / f"r{number}.csv", rows, delimiter=",", header="time,force,position,speed", comments="", fmt="%.7f")
+        role = "estimation" if number < 3 else "validation"
+        text += f'[[segment]]\nfile = "r{number}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+    (tmp_path / "study.toml").write_text(text)
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "creep.toml").write_text(CREEP)
+    (tmp_path / "effects" / "moving.toml").write_text(CREEP.replace('"f + k*z"', '"f + k*z + k*x"').replace("creep", "moving"))
+    (tmp_path / "effects" / "plain.toml").write_text(CREEP.replace('variables.f = "m"', "").replace("creep", "plain"))
+    result = start("refine", tmp_path / "study.toml", "--effects", tmp_path / "effects", "-o", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "a sensor has f, the output that it shows, and t, but no x" in result.stderr
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert "is in m, the effect takes 1" in report["not_testable"]["plain"]
+    selected = [effect for effect in report["effects"] if effect["selected"]]
+    assert [(effect["id"], effect["signal"]) for effect in selected] == [("creep", "position")]
+    values = {name: p["value"] for name, p in selected[0]["params"].items()}
+    assert values["k"] == pytest.approx(k, rel=0.05) and values["tau"] == pytest.approx(tau, rel=0.1)
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", tmp_path / "study.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(report["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
 def test_formulas_have_their_values_and_exact_derivatives(shipped, tmp_path):
     values = {
         "formula": "k*z + c*abs(v)*v + curve(x, -1, 2, 0, h, 1, -1) - f*tanh(x/w)",

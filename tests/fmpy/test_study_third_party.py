@@ -131,3 +131,18 @@ def test_an_inertia_that_is_far_from_its_declared_value_is_named_where_nothing_f
     assert run.returncode == 0, run.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
+def test_a_delay_of_a_slow_process_is_in_the_amended_system(tmp_path):
+    folder, truth = machine(tmp_path, "tanks_e_delay_u")
+    result = refine(folder / "study.toml", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    delay = found["effects"][0]["params"]["delay"]["value"]
+    assert named(found) == ["act.delay"] and delay == pytest.approx(truth["effects"][0]["params"]["delay"]["value"], rel=0.02)
+    # More than 255 samples of 1 ms, as many as a block keeps.
+    assert delay > 0.5
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", folder / "study.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)

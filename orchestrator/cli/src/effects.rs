@@ -272,7 +272,7 @@ pub(crate) fn drawn(own: &Own, over: Option<&str>, range: f64) -> Result<Drawn, 
     if !(range > 0.0 && range.is_finite()) {
         return Err(format!("--range {range} must be above zero"));
     }
-    let used = (0..VARIABLES.len()).find(|&place| own.expression.uses(place));
+    let used = (0..VARIABLES.len()).find(|&place| own.uses(place));
     let memory = !own.states.is_empty();
     let over = match over {
         _ if memory && own.port.replaces() => F,

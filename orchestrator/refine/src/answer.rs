@@ -228,6 +228,8 @@ pub struct Answer {
     pub complete: bool,
     /// Whether the search ended before it was through.
     pub partial: bool,
+    /// Shortest sample time of the records of a study \[s\].
+    pub sample_time: f64,
     /// Share of the declared model's error on validation records that effects and corrections take away together.
     pub share: Option<f64>,
     /// Steps of the search, with what was held out; empty where nothing was.

@@ -1,11 +1,12 @@
 //! A system under construction: components with the FMUs they are derived from, and blocks put in series.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use tempfile::TempDir;
 
 use airloop_cosim::system::ssp::{ComponentElement, ConnectionElement, Connector, Endpoint, Structure};
+use airloop_cosim::system::ssv::{self, Parameter};
 use airloop_fmi::derive::{Derivation, Value};
 
 /// An FMU to derive; its file is `name.fmu`.
@@ -103,6 +104,43 @@ impl Network {
         self.parts.push(part);
     }
 
+    /// Adds a component that is a file as it stands, with values of its Real parameters.
+    pub fn add_copy(&mut self, name: &str, source: &Path, parameters: Vec<(String, f64)>) {
+        let file = PathBuf::from(format!("{name}.fmu"));
+        let parameter = |(name, value)| Parameter {
+            name,
+            value: ssv::Value::Real(value),
+            unit: None,
+            definition: None,
+            file: PathBuf::new(),
+            line: 0,
+        };
+        self.structure.components.push(ComponentElement {
+            name: name.to_owned(),
+            source: file.clone(),
+            shown: file.clone(),
+            connectors: Vec::new(),
+            parameters: parameters.into_iter().map(parameter).collect(),
+            line: 0,
+        });
+        self.copies.push((source.to_owned(), file));
+    }
+
+    /// Where the value of a connector comes from, and what its connection converts, factor and offset.
+    pub fn source_of(&self, to: &Endpoint) -> Option<(Endpoint, Option<(f64, f64)>)> {
+        let found = self.structure.connections.iter().find(|connection| connection.end == *to)?;
+        Some((found.start.clone(), found.transformation))
+    }
+
+    /// Gives the connection that was added last a conversion, factor and offset.
+    pub fn convert_last(&mut self, conversion: Option<(f64, f64)>) {
+        if let Some(own) = self.structure.connections.last_mut()
+            && conversion.is_some()
+        {
+            own.transformation = conversion;
+        }
+    }
+
     /// Adds a connection of two connectors with a unit, `value = factor * value`; the connectors are declared where
     /// they are not yet.
     pub fn connect(&mut self, start: Endpoint, to: Endpoint, unit: Option<&str>, factor: f64) {
@@ -169,9 +207,7 @@ impl Network {
                     }
                 }
                 self.connect(start, end(&name, input), unit, 1.0);
-                if let Some(own) = self.structure.connections.last_mut() {
-                    own.transformation = factor;
-                }
+                self.convert_last(factor);
             }
             None => self.connect(behind, to.clone(), unit, 1.0),
         }

@@ -19,6 +19,8 @@ use airloop_fmi::{Causality, Variability};
 
 /// Step of sampled blocks where the study states none \[s\].
 const STEP: f64 = 1e-3;
+/// Samples of a delay at most, as the blocks keep them.
+const MAX_DELAY_SAMPLES: f64 = 255.0;
 /// Samples of a block that has to be sampled, on a signal that moves between those of the records.
 const SAMPLES_PER_STEP: f64 = 10.0;
 
@@ -54,20 +56,31 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
     // A sensor rounds what it has made of the signal.
     let rounds = |effect: &&Effect| effect.signal.is_some() && effect.kind() == "quantization";
     selected.sort_by_key(|effect| (rounds(effect), rank(effect).unwrap_or(usize::MAX)));
-    let step = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
+    let stated = file.declaration.step_s.as_ref().map_or(STEP, |step| *step.get_ref());
+    let step = |effect: &Effect| sample_time(effect, stated, answer.sample_time);
     for effect in &selected {
         if let Some(column) = &effect.signal {
-            sense(&mut network, (file, &graph), column, effect, step);
+            sense(&mut network, (file, &graph), column, effect, step(effect));
         } else if let Some((input, wiring)) = wiring(file, &graph, &network, effect, &selected) {
-            place(&mut network, (file, &graph), (&input, &wiring), (effect, &selected), step);
+            place(&mut network, (file, &graph), (&input, &wiring), (effect, &selected), step(effect));
         }
     }
     if let Some(law) = &answer.law
         && let Some((input, wiring)) = wiring(file, &graph, &network, &law.effect, &selected)
     {
-        place(&mut network, (file, &graph), (&input, &wiring), (&law.effect, &selected), step);
+        place(&mut network, (file, &graph), (&input, &wiring), (&law.effect, &selected), stated);
     }
     Ok(network)
+}
+
+/// Sample time of the block of an effect: `step`, or that of the records where a delay is too long for the samples that
+/// a block keeps.
+fn sample_time(effect: &Effect, step: f64, of_records: f64) -> f64 {
+    let longest = MAX_DELAY_SAMPLES * step;
+    let is_long = effect.kind() == "delay" && blocks::value(effect, "delay") > longest;
+    // Differences of times are off in their last digits, and a block that is early by these sees the sample before.
+    let rounded = format!("{of_records:.9e}").parse().unwrap_or(of_records);
+    if is_long && of_records > step { rounded } else { step }
 }
 
 /// Attachment of an effect: that of its port, or the first that may have it.
@@ -146,6 +159,11 @@ fn sense(
             let wiring = Wiring { vt: 1.0, sign: 1.0, ..Wiring::default() };
             port::block(effect, blocks::name(effect), &wiring, step, &Sources::default())
         };
+        if let Some(own) = effect.own.as_ref().filter(|_| shown) {
+            let name = numbered(blocks::name(effect), index);
+            own::insert(network, &to, own, (effect, name), (1.0, &Sources::default()));
+            continue;
+        }
         let block = match effect.kind() {
             "lag" => lagging(),
             "drift" | "nonlinearity" | "quantization" => Builtin::formula(&effect.id).map(|formula| {
@@ -154,9 +172,7 @@ fn sense(
             _ => blocks::sensor(effect, step, sampled, false),
         };
         let Some(mut block) = block.filter(|_| shown) else { continue };
-        if index > 0 {
-            block.part.name += &format!("_{}", index + 1);
-        }
+        block.part.name = numbered(block.part.name, index);
         network.insert(&to, block, false);
     }
 }
@@ -239,23 +255,36 @@ fn place(
     if twin || effect.id.contains('@') {
         name += &format!("_{}", plain(input));
     }
-    let block = match &effect.own {
-        Some(formula) => Some(own::block(formula, (effect, name), wiring.sign, &sources)),
-        None => blocks::memory(effect, &name, sampling, held)
-            .or_else(|| port::block(effect, name.clone(), wiring, step, &sources))
-            .or_else(|| {
-                let formula = Builtin::formula(effect.kind())?;
-                Some(own::block(&formula, (effect, name), wiring.sign, &sources))
-            }),
-    };
-    let Some(block) = block else { return };
-    for (index, target) in targets(network, graph, input).iter().enumerate() {
-        let mut own: Block = block.clone();
-        if index > 0 {
-            own.part.name += &format!("_{}", index + 1);
+    let targets = targets(network, graph, input);
+    if let Some(own) = &effect.own {
+        for (index, target) in targets.iter().enumerate() {
+            own::insert(
+                network,
+                target,
+                own,
+                (effect, numbered(name.clone(), index)),
+                (wiring.sign, &sources),
+            );
         }
+        return;
+    }
+    let block = blocks::memory(effect, &name, sampling, held)
+        .or_else(|| port::block(effect, name.clone(), wiring, step, &sources))
+        .or_else(|| {
+            let formula = Builtin::formula(effect.kind())?;
+            Some(own::block(&formula, (effect, name), wiring.sign, &sources))
+        });
+    let Some(block) = block else { return };
+    for (index, target) in targets.iter().enumerate() {
+        let mut own: Block = block.clone();
+        own.part.name = numbered(own.part.name, index);
         network.insert(target, own, false);
     }
+}
+
+/// The name of a block where an effect needs several: from the second on with its number.
+fn numbered(name: String, index: usize) -> String {
+    if index == 0 { name } else { format!("{name}_{}", index + 1) }
 }
 
 /// A name as part of that of a component.

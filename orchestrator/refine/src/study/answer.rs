@@ -481,6 +481,7 @@ fn assemble(
             .map_or_else(|| corrections(study, selection, shown), |found| found.corrections.clone()),
         steps: by_share.map_or_else(|| steps::held_out(study, selection), |found| found.steps.clone()),
         by_share: by_share.is_some(),
+        sample_time: study.records.iter().map(|record| record.step).fold(f64::INFINITY, f64::min),
         left_at: left_at(judge, &rest),
         partial: stop::ended(),
         share: chosen.then_some(share),

@@ -7,7 +7,7 @@ use super::catalog::fastest;
 use super::law::{Law, Point, preslide_along, shape};
 use super::memory::Memory;
 use super::model::Study;
-use crate::vocabulary::own::STATES;
+use crate::vocabulary::own::MAX_STATES;
 
 /// Largest values seen at the attachments.
 #[derive(Debug, Clone, Default)]
@@ -130,7 +130,7 @@ impl Blocks<'_> {
             let p = &self.p[range.clone()];
             if let Law::Own(index) = *law {
                 let (own, at) = (&self.study.own[index], Point { value, time: self.now.get(), ..point });
-                let mut z = [0.0; STATES];
+                let mut z = [0.0; MAX_STATES];
                 z[..states.len()].copy_from_slice(&self.z[states.clone()]);
                 if !states.is_empty() {
                     let mean = self.see(tap, at).mean(at);

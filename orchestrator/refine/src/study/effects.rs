@@ -7,7 +7,7 @@ use super::by_share::ByShare;
 use super::changed;
 use super::fits::{Fits, Model};
 use super::law::Law;
-use super::model::{Action, Study};
+use super::model::{Action, Sensor, Study};
 use super::search::Selection;
 use crate::answer::{Effect, Parameter, Wiring};
 use crate::engine::{System, parallel};
@@ -77,7 +77,9 @@ pub(super) fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize
         stability: None,
         share: None,
         own: match own.action {
-            Action::Block { law: Law::Own(index), .. } => Some(Arc::clone(&study.own[index])),
+            Action::Block { law: Law::Own(index), .. } | Action::Sensor { kind: Sensor::Own(index), .. } => {
+                Some(Arc::clone(&study.own[index]))
+            }
             _ => None,
         },
     }

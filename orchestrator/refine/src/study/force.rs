@@ -38,16 +38,13 @@ impl ForceView<'_> {
         let Some((_, state, tap, _)) = &self.study().force else { return Ok(Vec::new()) };
         let n = record.acceleration.len();
         let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
+        plant.set_inputs(&record.inputs, 0);
         plant.initialize(&[], &self.view.parameters(p), 0.0, &mut x, &|_, value, _| value)?;
         let mut blocks = self.view.blocks(p, false);
         let mut found = Vec::with_capacity(n);
         let mut slope = 0.0;
         for k in 0..n {
-            for (slot, values) in record.inputs.iter().enumerate() {
-                if let Some(values) = values {
-                    plant.slots[slot] = values[k];
-                }
-            }
+            plant.set_inputs(&record.inputs, k);
             let first = plant.extra_first;
             for (slot, values) in record.extra.iter().enumerate() {
                 plant.slots[first + slot] = values[k];

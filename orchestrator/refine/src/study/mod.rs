@@ -56,7 +56,7 @@ pub mod replay;
 mod resolution;
 pub(crate) mod ruling;
 pub mod search;
-mod sensors;
+pub(crate) mod sensors;
 mod sign;
 pub mod signal;
 pub mod simulate;

@@ -159,6 +159,8 @@ pub enum Sensor {
     Nonlinearity,
     /// `y` rounded to a multiple of a step
     Quantization,
+    /// An effect of one's own: index into [`Study::own`].
+    Own(usize),
 }
 
 /// A study.
@@ -229,7 +231,9 @@ impl Study {
     /// # Errors
     /// The FMUs cannot be instantiated.
     pub fn take(&self) -> Result<Plant, Problem> {
-        if let Some(plant) = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+        if let Some(mut plant) = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop() {
+            // Nothing follows from what it did last.
+            plant.slots.fill(0.0);
             return Ok(plant);
         }
         let names: Vec<String> = self.taps.iter().map(|tap| tap.name.clone()).collect();

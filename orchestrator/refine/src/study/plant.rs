@@ -76,6 +76,8 @@ pub struct Plant {
     starts: Vec<Component>,
     /// Values: system inputs first, then outputs.
     pub slots: Vec<f64>,
+    /// Number of system inputs, which have the first slots.
+    system_inputs: usize,
     /// First slot of the further signals.
     pub extra_first: usize,
     names: BTreeMap<String, usize>,
@@ -170,6 +172,15 @@ impl Plant {
         let place = order(graph).iter().position(|&index| index == component)?;
         let bounds = (real.min.unwrap_or(f64::NEG_INFINITY), real.max.unwrap_or(f64::INFINITY));
         Some(((place, declared.value_reference), value, bounds))
+    }
+
+    /// Sets the system inputs, in their order, to sample `k` of those that have values.
+    pub fn set_inputs(&mut self, inputs: &[Option<Vec<f64>>], k: usize) {
+        for (slot, values) in self.slots.iter_mut().zip(inputs) {
+            if let Some(values) = values {
+                *slot = values[k];
+            }
+        }
     }
 
     /// Says that the states were set from outside.

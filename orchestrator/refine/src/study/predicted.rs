@@ -11,6 +11,7 @@ use super::remembered::Key;
 use super::simulate::{Piece, Shift, View};
 use crate::engine::noise::Noise;
 use crate::engine::{Span, System};
+use crate::vocabulary::own::{MAX_STATES, Own};
 
 impl View<'_> {
     /// Outputs of a piece without the effects of the sensors, `[outputs][n]`, from a simulation that was run before
@@ -73,15 +74,12 @@ impl View<'_> {
                 if output != o {
                     continue;
                 }
-                let value = p[candidate.entries.start];
+                let time = |k: usize| (piece.range.start + k) as f64 * step;
+                let value = p[candidate.entries.start..].first().copied().unwrap_or(0.0);
                 match kind {
                     Sensor::Offset => own.iter_mut().for_each(|y| *y += value),
                     Sensor::Gain => own.iter_mut().for_each(|y| *y *= 1.0 + value),
-                    Sensor::Drift => {
-                        let begin = piece.range.start;
-                        let time = |k: usize| (begin + k) as f64 * step;
-                        own.iter_mut().enumerate().for_each(|(k, y)| *y += value * time(k));
-                    }
+                    Sensor::Drift => own.iter_mut().enumerate().for_each(|(k, y)| *y += value * time(k)),
                     Sensor::Nonlinearity => own.iter_mut().for_each(|y| *y += value * *y * *y),
                     Sensor::Delay => {
                         let late = delayed(own, value / step);
@@ -90,6 +88,9 @@ impl View<'_> {
                     Sensor::Lag => {
                         let late = Command::Lag.apply(&[value], own, step, false);
                         own.copy_from_slice(&late);
+                    }
+                    Sensor::Own(index) => {
+                        shown(&self.study.own[index], &p[candidate.entries.clone()], own, step, time(0));
                     }
                     // A sensor rounds what it has made of the signal.
                     Sensor::Quantization => resolution = value,
@@ -106,6 +107,19 @@ impl View<'_> {
 
     fn fitted(&self, record: &Record) -> bool {
         self.study.windows.is_none() && record.initial == Initial::Word(InitialWord::Fit)
+    }
+}
+
+/// Applies an effect of one's own with parameters `p` to samples of an output, in place; the first is at `begin` \[s\].
+fn shown(effect: &Own, p: &[f64], samples: &mut [f64], step: f64, begin: f64) {
+    let mut z = [0.0; MAX_STATES];
+    for k in 0..samples.len() {
+        let (value, time) = (samples[k], begin + k as f64 * step);
+        samples[k] = effect.value([0.0, 0.0, value, time], &z, p);
+        if let Some(next) = samples.get(k + 1) {
+            // The output moves between its samples.
+            effect.advance([0.0, 0.0, 0.5 * (value + next), time + 0.5 * step], &mut z, p, step);
+        }
     }
 }
 

@@ -6,8 +6,11 @@ use super::model::{Action, Sensor, Study};
 use super::read::Record;
 use super::resolution;
 
+/// Why a wrong sensor is not looked for.
+pub(crate) const NOT_TOLD: &str = "a wrong sensor cannot be told from other parameters and initial states: these come from its column or are fitted without a measured input that drives the system, or outputs follow inputs at once and no other output shows the difference";
+
 /// Whether a wrong sensor of an output can be distinguished from other initial states and parameters.
-fn told(study: &Study, output: usize) -> bool {
+pub(crate) fn told(study: &Study, output: usize) -> bool {
     let driven = study.records.iter().any(|record| record.inputs.iter().any(Option::is_some));
     let beside = study.outputs.len() > 1;
     if study.records.iter().all(|record| record.states.is_empty()) {
@@ -26,13 +29,12 @@ fn told(study: &Study, output: usize) -> bool {
 /// Adds the candidates of all sensors, and says of which a wrong one would not show.
 pub(super) fn fill(study: &mut Study) {
     let open: Vec<usize> = (0..study.outputs.len()).filter(|&output| !told(study, output)).collect();
-    let why = "a wrong sensor cannot be told from other parameters and initial states: these come from its column or are fitted without a measured input that drives the system, or outputs follow inputs at once and no other output shows the difference";
     let names: Vec<String> = if open.len() == study.outputs.len() {
         vec!["sensor".into()]
     } else {
         open.iter().map(|&output| format!("sensor({})", study.outputs[output].name)).collect()
     };
-    study.not_testable.extend(names.into_iter().map(|name| (name, why.to_owned())));
+    study.not_testable.extend(names.into_iter().map(|name| (name, NOT_TOLD.to_owned())));
     let step = study.records.first().map_or(1e-3, |record| record.step);
     let all = (f64::NEG_INFINITY, f64::INFINITY);
     for output in (0..study.outputs.len()).filter(|output| !open.contains(output)) {

@@ -47,6 +47,7 @@ fn rates(view: &View, record: &Record, states: &[usize], p: &[f64]) -> Option<Ve
     let study = view.study;
     let mut plant = study.take().ok()?;
     let (mut x, mut dx) = (vec![0.0; plant.nx], vec![0.0; plant.nx]);
+    plant.set_inputs(&record.inputs, 0);
     plant.initialize(&[], &view.parameters(p), 0.0, &mut x, &|_, value, _| value).ok()?;
     let mut blocks = view.blocks(p, false);
     let mut found = vec![Vec::with_capacity(record.n); states.len()];

@@ -1,18 +1,20 @@
-//! Candidates of a study that are effects of one's own: at every attachment whose unit fits.
+//! Candidates of a study that are effects of one's own: at every attachment, or sensor, whose unit fits.
 
 use std::sync::Arc;
 
 use airloop_series::compound_unit;
 
-use super::own::{Own, VARIABLES};
+use super::own::{self, Own, PortKind, VARIABLES};
 use super::units;
 use crate::engine::fit::Free;
 use crate::study::catalog::Candidate;
 use crate::study::declaration::Attachment;
 use crate::study::kinds::CHANNELS;
 use crate::study::law::{Law, Point};
-use crate::study::model::{Action, Entry, Study, Target};
+use crate::study::model::{Action, Entry, Sensor, Study, Target};
 use crate::study::names;
+use crate::study::read::Record;
+use crate::study::sensors;
 
 /// Size from which on a state has run away.
 const MAX_STATE: f64 = 1e12;
@@ -30,6 +32,10 @@ pub fn fill(
     trace: &[(f64, Vec<Vec<Point>>)],
 ) {
     for own in effects {
+        if own.port == PortKind::Sensor {
+            at_sensors(study, own);
+            continue;
+        }
         let mut reasons = Vec::new();
         let mut places = 0;
         for (tap, attachment) in attachments.iter().enumerate() {
@@ -37,7 +43,7 @@ pub fn fill(
                 || trace.iter().map(|(step, taps)| (*step, taps.get(tap).map_or(&[][..], Vec::as_slice)));
             match fits(study, attachment, own).and_then(|()| on_data(own, data())) {
                 Ok(starts) => {
-                    push(study, attachment, tap, own, starts);
+                    at_port(study, attachment, tap, own, starts);
                     places += 1;
                 }
                 Err(why) => reasons.push(format!("at {}: {why}", attachment.input)),
@@ -59,8 +65,7 @@ fn fits(study: &Study, attachment: &Attachment, own: &Own) -> Result<(), String>
     let signals = [attachment.position.as_ref(), attachment.velocity.as_ref(), Some(&attachment.input)];
     // The port first: where that is another one, nothing else matters.
     for (i, (signal, wanted)) in signals.into_iter().zip(&own.units).enumerate().rev() {
-        let used = i == 2 || own.expression.uses(i) || own.rates.iter().any(|rate| rate.uses(i));
-        if !used {
+        if i != 2 && !own.uses(i) {
             continue;
         }
         let name = VARIABLES[i];
@@ -69,19 +74,58 @@ fn fits(study: &Study, attachment: &Attachment, own: &Own) -> Result<(), String>
             return Err(format!("the formula needs {name}; name its signal with `{key}`"));
         };
         let Some(unit) = names::unit_of(&study.graph, signal) else { continue };
-        let Some(known) = compound_unit::parse(&unit) else {
-            return Err(format!("unit `{unit}` of {signal} is not known"));
-        };
         let what = if i == 2 { "the port".to_owned() } else { format!("{name} ({signal})") };
-        let wanted_dimension = units::coherent(wanted)?;
-        if !units::dimension(&known).same(&wanted_dimension) {
-            return Err(format!("{what} is in {unit}, the effect takes {wanted}"));
-        }
-        if (known.factor - 1.0).abs() > 1e-12 {
-            return Err(format!("{what} is in {unit}; formulas are in SI units, {wanted}"));
-        }
+        same_unit(&what, &unit, wanted)?;
     }
     Ok(())
+}
+
+/// Whether a signal has the unit that an effect takes; `what` names it.
+fn same_unit(what: &str, unit: &str, wanted: &str) -> Result<(), String> {
+    let Some(known) = compound_unit::parse(unit) else {
+        return Err(format!("unit `{unit}` of {what} is not known"));
+    };
+    if !units::dimension(&known).same(&units::coherent(wanted)?) {
+        return Err(format!("{what} is in {unit}, the effect takes {wanted}"));
+    }
+    if (known.factor - 1.0).abs() > 1e-12 {
+        return Err(format!("{what} is in {unit}; formulas are in SI units, {wanted}"));
+    }
+    Ok(())
+}
+
+/// Adds candidates for an effect at every sensor that it fits, or says why there is none.
+fn at_sensors(study: &mut Study, own: &Arc<Own>) {
+    let mut reasons = Vec::new();
+    for output in 0..study.outputs.len() {
+        let (name, unit) = (study.outputs[output].name.clone(), study.outputs[output].unit.clone());
+        let points = |record: &Record| -> Vec<Point> {
+            let one = |(k, &value): (usize, &f64)| Point {
+                value,
+                time: k as f64 * record.step,
+                ..Point::default()
+            };
+            record.outputs[output].iter().enumerate().map(one).collect()
+        };
+        let trace: Vec<(f64, Vec<Point>)> =
+            study.records.iter().map(|record| (record.step, points(record))).collect();
+        let told = if sensors::told(study, output) { Ok(()) } else { Err(sensors::NOT_TOLD.to_owned()) };
+        let found = same_unit("it", &unit, &own.units[2])
+            .and(told)
+            .and_then(|()| on_data(own, trace.iter().map(|(step, points)| (*step, &points[..]))));
+        match found {
+            Ok(starts) => {
+                let place =
+                    Place { channel: "sensor", port: study.outputs[output].port.clone(), signal: Some(name) };
+                let action = |index| Action::Sensor { kind: Sensor::Own(index), output };
+                push(study, place, action, own, starts);
+            }
+            Err(why) => reasons.push(format!("at {name}: {why}")),
+        }
+    }
+    if reasons.len() == study.outputs.len() {
+        study.not_testable.push((own.kind.clone(), reasons.join("; ")));
+    }
 }
 
 /// Starts at which the effect has a value everywhere on the data and its states stay finite.
@@ -112,6 +156,11 @@ fn fault(own: &Own, p: &[f64], step: f64, points: &[Point]) -> Option<String> {
     for point in points {
         let at = [point.position, point.velocity, point.value, point.time];
         if !own.value(at, &z, p).is_finite() {
+            if let own::Law::Fmu(law) = &own.law
+                && let Some(problem) = law.problem()
+            {
+                return Some(problem);
+            }
             let values = own.values(at, &z, p);
             let told =
                 own.names().into_iter().zip(values).map(|(name, value)| format!("{name} = {value:.4}"));
@@ -133,10 +182,29 @@ fn fault(own: &Own, p: &[f64], step: f64, points: &[Point]) -> Option<String> {
     None
 }
 
-/// Adds one candidate.
-fn push(study: &mut Study, attachment: &Attachment, tap: usize, own: &Arc<Own>, starts: Vec<Vec<f64>>) {
+/// Adds the candidate of an attachment.
+fn at_port(study: &mut Study, attachment: &Attachment, tap: usize, own: &Arc<Own>, starts: Vec<Vec<f64>>) {
     let channel =
         CHANNELS.into_iter().find(|channel| attachment.channels.first().is_some_and(|c| c == channel));
+    let place = Place { channel: channel.unwrap_or(""), port: study.taps[tap].name.clone(), signal: None };
+    push(study, place, |index| Action::Block { law: Law::Own(index), tap }, own, starts);
+}
+
+/// Where an effect acts, in the words of an answer.
+struct Place {
+    channel: &'static str,
+    port: String,
+    signal: Option<String>,
+}
+
+/// Adds one candidate; `action` of the place that the effect has in the study.
+fn push(
+    study: &mut Study,
+    place: Place,
+    action: impl Fn(usize) -> Action,
+    own: &Arc<Own>,
+    starts: Vec<Vec<f64>>,
+) {
     let index = study.own.iter().position(|known| known == own).unwrap_or_else(|| {
         study.own.push(Arc::clone(own));
         study.own.len() - 1
@@ -163,11 +231,11 @@ fn push(study: &mut Study, attachment: &Attachment, tap: usize, own: &Arc<Own>, 
     let entries = first..study.entries.len();
     study.candidates.push(Candidate {
         id: own.kind.clone(),
-        channel: channel.unwrap_or(""),
-        port: study.taps[tap].name.clone(),
+        channel: place.channel,
+        port: place.port,
         twin: false,
-        signal: None,
-        action: Action::Block { law: Law::Own(index), tap },
+        signal: place.signal,
+        action: action(index),
         entries,
         starts,
         complexity: own.parameters.len().saturating_sub(1) + 2 * own.states.len(),

@@ -41,7 +41,8 @@ impl Folder {
         for file in files {
             let text = airloop_series::file::read_to_string(&file);
             let own = text.map_err(|error| Problem { place: String::new(), problem: error.to_string() });
-            match own.and_then(|text| Own::read(&text)) {
+            let beside = file.parent().unwrap_or(Path::new(""));
+            match own.and_then(|text| Own::read_in(&text, beside)) {
                 Ok(own) if found.effects.iter().any(|(_, other)| other.kind == own.kind) => {
                     let problem = format!("the kind `{}` is given twice; choose another name", own.kind);
                     found.refused.push((file, Problem { place: String::new(), problem }));

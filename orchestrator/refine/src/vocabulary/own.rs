@@ -1,21 +1,25 @@
-//! An effect as a TOML file: formula over the variables of its port, states with their rates, parameters with units.
+//! An effect of one's own: a formula over the variables of its port, states with their rates, parameters with units; or
+//! an FMU that stands for the formula.
 
-use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
 
-use airloop_expression::{Dimension, Expression};
+use airloop_expression::Expression;
 use serde::Deserialize;
-use toml::Spanned;
 
-use super::units;
+use super::fmu_law::FmuLaw;
+use super::reader;
 
-/// Most states: the FMU that evaluates formulas has no more.
+/// Most states of a formula: the FMU that evaluates formulas has no more.
 pub const STATES: usize = 3;
+/// Most states of an effect.
+pub const MAX_STATES: usize = 8;
 /// Most parameters, for the same reason.
 pub const PARAMETERS: usize = 12;
 /// Variables of every port: position, velocity, the value that passes, time.
 pub const VARIABLES: [&str; 4] = ["x", "v", "f", "t"];
 /// Values that a formula can use.
-pub const VALUES: usize = VARIABLES.len() + STATES + PARAMETERS;
+pub const VALUES: usize = VARIABLES.len() + MAX_STATES + PARAMETERS;
 /// Starts that are tried together at most.
 const MAX_STARTS: usize = 48;
 
@@ -31,6 +35,8 @@ pub enum PortKind {
     Flow,
     /// A signal or command; the formula replaces it.
     Signal,
+    /// What a sensor shows of an output; the formula replaces it.
+    Sensor,
 }
 
 impl PortKind {
@@ -41,12 +47,13 @@ impl PortKind {
             PortKind::Torque => "torque",
             PortKind::Flow => "flow",
             PortKind::Signal => "signal",
+            PortKind::Sensor => "sensor",
         }
     }
 
     /// Whether the formula is what the port gives on, instead of being taken off.
     pub fn replaces(self) -> bool {
-        self == PortKind::Signal
+        matches!(self, PortKind::Signal | PortKind::Sensor)
     }
 
     /// Units of `x`, `v` and `f`.
@@ -55,7 +62,7 @@ impl PortKind {
             PortKind::Force => ["m", "m/s", "N"],
             PortKind::Torque => ["rad", "rad/s", "N.m"],
             PortKind::Flow => ["m", "m/s", "m3/s"],
-            PortKind::Signal => ["m", "m/s", "1"],
+            PortKind::Signal | PortKind::Sensor => ["m", "m/s", "1"],
         }
     }
 }
@@ -104,80 +111,22 @@ pub struct Own {
     pub states: Vec<(String, String)>,
     /// Parameters.
     pub parameters: Vec<Parameter>,
-    /// Formula; its names are [`VARIABLES`], states, parameters.
-    pub expression: Expression,
-    /// Rates of the states.
-    pub rates: Vec<Expression>,
+    /// What gives its value.
+    pub law: Law,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    kind: Spanned<String>,
-    port: Spanned<String>,
-    formula: Spanned<String>,
-    #[serde(default)]
-    words: String,
-    #[serde(default)]
-    variables: BTreeMap<String, Spanned<String>>,
-    #[serde(default)]
-    states: BTreeMap<String, Spanned<State>>,
-    #[serde(default)]
-    parameters: BTreeMap<String, Spanned<Entry>>,
-    #[serde(default)]
-    signs: Signs,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum State {
-    Rate(String),
-    Table(StateTable),
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StateTable {
-    rate: String,
-    unit: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Entry {
-    unit: String,
-    #[serde(default)]
-    bounds: Option<[f64; 2]>,
-    #[serde(default)]
-    start: Option<Starts>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Starts {
-    One(f64),
-    Several(Vec<f64>),
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Signs {
-    #[serde(default)]
-    dissipative: bool,
-}
-
-/// `line L, column C: ` of a byte of a text.
-fn place(text: &str, byte: usize) -> String {
-    let before = &text[..byte.min(text.len())];
-    let line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-    format!("line {line}, column {column}: ")
-}
-
-/// Whether a text is a name: letters, digits and `_`, no digit first.
-fn is_name(text: &str) -> bool {
-    let starts = text.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
-    starts && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+/// What gives the value of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Law {
+    /// A formula.
+    Formula {
+        /// Formula; its names are [`VARIABLES`], states, parameters.
+        expression: Expression,
+        /// Rates of the states.
+        rates: Vec<Expression>,
+    },
+    /// An output of an FMU.
+    Fmu(Arc<FmuLaw>),
 }
 
 impl Own {
@@ -186,11 +135,15 @@ impl Own {
     /// # Errors
     /// The first thing that does not fit, with its place: keys, names, units, formulas, bounds, starts.
     pub fn read(text: &str) -> Result<Own, Problem> {
-        let file: File = toml::from_str(text).map_err(|error: toml::de::Error| Problem {
-            place: error.span().map_or_else(String::new, |span| place(text, span.start)),
-            problem: error.message().to_owned(),
-        })?;
-        Reader { text, file: &file }.own()
+        reader::read(text, None)
+    }
+
+    /// As [`Own::read`] for a file in `folder`, where its FMU is looked for.
+    ///
+    /// # Errors
+    /// Same as [`Own::read`], and an FMU that cannot be opened or lacks what the file names.
+    pub fn read_in(text: &str, folder: &Path) -> Result<Own, Problem> {
+        reader::read(text, Some(folder))
     }
 
     /// Names that the formulas use, in the order of their values.
@@ -198,6 +151,16 @@ impl Own {
         let states = self.states.iter().map(|(name, _)| name.as_str());
         let parameters = self.parameters.iter().map(|own| own.name.as_str());
         VARIABLES.into_iter().chain(states).chain(parameters).collect()
+    }
+
+    /// Whether the value or a rate follows from one of [`VARIABLES`], by its place.
+    pub fn uses(&self, variable: usize) -> bool {
+        match &self.law {
+            Law::Formula { expression, rates } => {
+                expression.uses(variable) || rates.iter().any(|rate| rate.uses(variable))
+            }
+            Law::Fmu(own) => own.uses(variable),
+        }
     }
 
     /// Values for [`Expression::value`] from those of the variables, the states and the parameters.
@@ -208,25 +171,30 @@ impl Own {
         values
     }
 
-    /// Value of the formula.
+    /// Value of the effect; not a number where it has none.
     pub fn value(&self, variables: [f64; 4], z: &[f64], p: &[f64]) -> f64 {
-        self.expression.value(&self.values(variables, z, p))
+        match &self.law {
+            Law::Formula { expression, .. } => expression.value(&self.values(variables, z, p)),
+            Law::Fmu(own) => own.value(variables, z, p),
+        }
     }
 
     /// States after `step` \[s\] with the variables held: each by the exponential of its own rate, which is exact where
     /// the rate is linear in the state and stays stable however fast it is.
     pub fn advance(&self, variables: [f64; 4], z: &mut [f64], p: &[f64], step: f64) {
+        let rates = match &self.law {
+            Law::Formula { rates, .. } => rates,
+            Law::Fmu(own) => return own.advance(variables, z, p, step),
+        };
         let values = self.values(variables, z, p);
-        for (i, rate) in self.rates.iter().enumerate() {
+        for (i, rate) in rates.iter().enumerate() {
             let place = VARIABLES.len() + i;
             let now = rate.value(&values);
             let mut moved = values;
             let width = 1e-6 * (values[place].abs() + now.abs() * step).max(1e-12);
             moved[place] += width;
-            let slope = (rate.value(&moved) - now) / width * step;
-            // (exp(s) - 1)/s
-            let factor = if slope.abs() < 1e-8 { 1.0 } else { slope.min(50.0).exp_m1() / slope };
-            z[i] += step * now * factor;
+            let slope = (rate.value(&moved) - now) / width;
+            z[i] += exponential_step(now, slope, step);
         }
     }
 
@@ -246,18 +214,23 @@ impl Own {
 
     /// The TOML text of an effect with these values as starts, which [`Own::read`] reads again.
     pub fn to_toml(&self, values: &[f64]) -> String {
-        let mut text = format!(
-            "kind = {:?}\nport = {:?}\nformula = {:?}\nwords = {:?}\n",
-            self.kind,
-            self.port.word(),
-            self.formula,
-            self.words
-        );
+        let mut text = format!("kind = {:?}\nport = {:?}\n", self.kind, self.port.word());
+        match &self.law {
+            Law::Formula { .. } => text += &format!("formula = {:?}\n", self.formula),
+            Law::Fmu(own) => {
+                let inputs =
+                    own.inputs.iter().map(|(place, name)| format!("{} = {name:?}", VARIABLES[*place]));
+                let inputs: Vec<String> = inputs.collect();
+                text += &format!("fmu = {:?}\noutput = {:?}\n", own.path(), own.output);
+                text += &format!("inputs = {{ {} }}\n", inputs.join(", "));
+            }
+        }
+        text += &format!("words = {:?}\n", self.words);
         text += "\n[variables]\n";
         for (name, unit) in VARIABLES.iter().zip(&self.units) {
             text += &format!("{name} = {unit:?}\n");
         }
-        if !self.states.is_empty() {
+        if !self.states.is_empty() && matches!(self.law, Law::Formula { .. }) {
             text += "\n[states]\n";
             self.states.iter().for_each(|(name, rate)| text += &format!("{name} = {rate:?}\n"));
         }
@@ -274,185 +247,12 @@ impl Own {
     }
 }
 
-struct Reader<'a> {
-    text: &'a str,
-    file: &'a File,
-}
-
-impl Reader<'_> {
-    fn refuse<T>(&self, at: &Spanned<T>, problem: impl std::fmt::Display) -> Problem {
-        Problem { place: place(self.text, at.span().start), problem: problem.to_string() }
-    }
-
-    fn port(&self) -> Result<PortKind, Problem> {
-        Ok(match self.file.port.get_ref().as_str() {
-            "force" => PortKind::Force,
-            "torque" => PortKind::Torque,
-            "flow" => PortKind::Flow,
-            "signal" => PortKind::Signal,
-            other => {
-                return Err(self.refuse(
-                    &self.file.port,
-                    format!("there is no port `{other}`; known are force, torque, flow, signal"),
-                ));
-            }
-        })
-    }
-
-    fn names(&self) -> Result<Vec<&str>, Problem> {
-        let file = self.file;
-        if !is_name(file.kind.get_ref()) {
-            let problem = format!("kind = `{}` is no name: letters, digits and _", file.kind.get_ref());
-            return Err(self.refuse(&file.kind, problem));
-        }
-        let states = file.states.iter().map(|(name, at)| (name, self.refuse(at, "")));
-        let parameters = file.parameters.iter().map(|(name, at)| (name, self.refuse(at, "")));
-        let mut found = VARIABLES.to_vec();
-        for (name, at) in states.chain(parameters) {
-            let problem = if !is_name(name) {
-                format!("`{name}` is no name: letters, digits and _")
-            } else if found.contains(&name.as_str()) {
-                format!("the name `{name}` is given twice; those of the port are {}", VARIABLES.join(", "))
-            } else {
-                found.push(name);
-                continue;
-            };
-            return Err(Problem { problem, ..at });
-        }
-        for (count, most, what) in
-            [(file.states.len(), STATES, "states"), (file.parameters.len(), PARAMETERS, "parameters")]
-        {
-            if count > most {
-                return Err(self.refuse(&file.kind, format!("it has {count} {what}; {most} are allowed")));
-            }
-        }
-        Ok(found)
-    }
-
-    fn own(&self) -> Result<Own, Problem> {
-        let (file, port) = (self.file, self.port()?);
-        let names = self.names()?;
-        let mut units = port.units().map(str::to_owned);
-        for (name, unit) in &file.variables {
-            let Some(place) = VARIABLES[..3].iter().position(|own| own == name) else {
-                return Err(
-                    self.refuse(unit, format!("[variables] has no `{name}`; it gives units of x, v, f"))
-                );
-            };
-            units[place].clone_from(unit.get_ref());
-        }
-        let dimension = |unit: &str| units::coherent(unit);
-        let mut known = Vec::new();
-        for (name, unit) in VARIABLES.iter().zip(&units) {
-            let at = file.variables.get(*name).unwrap_or(&file.port);
-            known.push(dimension(unit).map_err(|problem| self.refuse(at, problem))?);
-        }
-        known.push(Dimension::new(0.0, 0.0, 1.0));
-        let read = |at: &Spanned<String>, text: &str, what: &str| {
-            Expression::parse(text, &names)
-                .map_err(|error| self.refuse(at, format!("{what} = `{text}`, {error}")))
-        };
-        let expression = read(&file.formula, file.formula.get_ref(), "formula")?;
-        let mut states = Vec::new();
-        let mut rates = Vec::new();
-        let mut given = Vec::new();
-        for (name, state) in &file.states {
-            let (rate, unit) = match state.get_ref() {
-                State::Rate(rate) => (rate, None),
-                State::Table(own) => (&own.rate, Some(own.unit.as_str())),
-            };
-            let parsed = Expression::parse(rate, &names)
-                .map_err(|error| self.refuse(state, format!("rate of {name} = `{rate}`, {error}")))?;
-            let unit = unit.map(dimension).transpose().map_err(|problem| self.refuse(state, problem))?;
-            states.push((name.clone(), rate.clone()));
-            rates.push(parsed);
-            given.push(unit);
-        }
-        let mut parameters = Vec::new();
-        let mut own_units = Vec::new();
-        for (name, entry) in &file.parameters {
-            let at = entry;
-            let entry = entry.get_ref();
-            own_units.push(dimension(&entry.unit).map_err(|problem| self.refuse(at, problem))?);
-            let bounds = entry.bounds.map_or((f64::NEG_INFINITY, f64::INFINITY), |[low, high]| (low, high));
-            if bounds.0.is_nan() || bounds.1.is_nan() || bounds.0 >= bounds.1 {
-                let problem = format!("bounds of `{name}` must be a least and a larger value");
-                return Err(self.refuse(at, problem));
-            }
-            let starts = match &entry.start {
-                None => Vec::new(),
-                Some(Starts::One(value)) => vec![*value],
-                Some(Starts::Several(values)) => values.clone(),
-            };
-            if let Some(out) = starts.iter().find(|value| !(bounds.0..=bounds.1).contains(*value)) {
-                let problem = format!(
-                    "start = {out} of `{name}` is outside of its bounds, {} to {}",
-                    bounds.0, bounds.1
-                );
-                return Err(self.refuse(at, problem));
-            }
-            let (name, unit) = (name.clone(), entry.unit.clone());
-            parameters.push(Parameter { name, unit, bounds, starts, linear: false });
-        }
-        let mut own = Own {
-            kind: file.kind.get_ref().clone(),
-            port,
-            units,
-            formula: file.formula.get_ref().clone(),
-            words: file.words.clone(),
-            dissipative: file.signs.dissipative,
-            states,
-            parameters,
-            expression,
-            rates,
-        };
-        units::check(&own, [&known, &own_units], &given).map_err(|(state, problem)| {
-            let at = state.and_then(|i| file.states.values().nth(i)).map(|at| self.refuse(at, &problem));
-            at.unwrap_or_else(|| self.refuse(&file.formula, &problem))
-        })?;
-        for index in 0..own.parameters.len() {
-            own.parameters[index].linear = is_linear(&own, index);
-            if own.parameters[index].starts.is_empty() && !own.parameters[index].linear {
-                let name = &own.parameters[index].name;
-                let at = &file.parameters[name];
-                let problem = format!(
-                    "`{name}` needs `start`, one value or several, since the formula is not proportional to it"
-                );
-                return Err(self.refuse(at, problem));
-            }
-        }
-        // Two factors of one product cannot both be found by a linear step.
-        let mut first = true;
-        for own in &mut own.parameters {
-            let shown = own.linear && !own.starts.contains(&0.0);
-            if own.linear && !first && shown && !own.starts.is_empty() {
-                own.linear = false;
-            }
-            first &= !own.linear;
-        }
-        Ok(own)
-    }
-}
-
-/// Whether the formula is affine in a parameter that no rate uses.
-fn is_linear(own: &Own, index: usize) -> bool {
-    let place = VARIABLES.len() + own.states.len() + index;
-    if own.rates.iter().any(|rate| rate.uses(place)) {
-        return false;
-    }
-    // Points without meaning, away from zero and from each other.
-    (1..=4).all(|draw| {
-        let at = |value: f64| {
-            let mut values: [f64; VALUES] =
-                std::array::from_fn(|i| 0.3 + 0.37 * (1.7 * i as f64 + 2.9 * f64::from(draw)).sin().abs());
-            values[place] = value;
-            own.expression.value(&values)
-        };
-        let [zero, one, two, back] = [0.0, 1.0, 2.0, -3.0].map(at);
-        let size = [zero, one, two, back].iter().fold(1e-300, |a: f64, b| a.max(b.abs()));
-        let straight = |far: f64, times: f64| (far - zero - times * (one - zero)).abs() < 1e-9 * size;
-        straight(two, 2.0) && straight(back, -3.0)
-    })
+/// Change of a state in a step \[s\] from its rate and the slope of that over the state \[1/s\].
+pub(super) fn exponential_step(rate: f64, slope: f64, step: f64) -> f64 {
+    let part = slope * step;
+    // (exp(s) - 1)/s
+    let factor = if part.abs() < 1e-8 { 1.0 } else { part.min(50.0).exp_m1() / part };
+    step * rate * factor
 }
 
 #[cfg(test)]

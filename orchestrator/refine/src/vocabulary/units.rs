@@ -3,7 +3,7 @@
 use airloop_expression::Dimension;
 use airloop_series::compound_unit;
 
-use super::own::Own;
+use super::own::{Law, Own};
 
 /// Dimension of a unit that is coherent with SI.
 ///
@@ -23,6 +23,22 @@ pub fn coherent(text: &str) -> Result<Dimension, String> {
 pub fn dimension(unit: &airloop_series::units::Unit) -> Dimension {
     let e = unit.exponents;
     Dimension([e.kg, e.m, e.s, e.A, e.K, e.mol, e.cd].map(f64::from))
+}
+
+/// Checks the unit that an FMU declares against `unit`, which is `stated` or that of the port and then gives way.
+///
+/// # Errors
+/// A unit that is not known or not coherent with SI, or another one than the stated one.
+pub fn same(unit: &mut String, declared: Option<String>, stated: bool) -> Result<(), String> {
+    let Some(declared) = declared else { return coherent(unit).map(drop) };
+    let dimension = coherent(&declared)?;
+    if stated && !coherent(unit)?.same(&dimension) {
+        return Err(format!("the FMU has it in {declared}, the file in {unit}"));
+    }
+    if !stated {
+        *unit = declared;
+    }
+    Ok(())
 }
 
 /// Product of two with the second to a power.
@@ -100,8 +116,9 @@ fn fits(
     port: &Dimension,
     states: &[Dimension],
 ) -> Result<(), (Option<usize>, String)> {
+    let Law::Formula { expression, rates } = &own.law else { return Ok(()) };
     let second = Dimension::new(0.0, 0.0, 1.0);
-    for (i, ((name, text), rate)) in own.states.iter().zip(&own.rates).enumerate() {
+    for (i, ((name, text), rate)) in own.states.iter().zip(rates).enumerate() {
         let wanted = times(&states[i], &second, -1.0);
         let found = rate.dimension(all).map_err(|e| (Some(i), format!("rate of {name} = `{text}`, {e}")))?;
         if let Some(found) = found.filter(|found| !found.same(&wanted)) {
@@ -110,8 +127,7 @@ fn fits(
             return Err((Some(i), problem));
         }
     }
-    let found =
-        own.expression.dimension(all).map_err(|e| (None, format!("formula = `{}`, {e}", own.formula)))?;
+    let found = expression.dimension(all).map_err(|e| (None, format!("formula = `{}`, {e}", own.formula)))?;
     match found.filter(|found| !found.same(port)) {
         Some(found) => {
             Err((None, format!("the formula `{}` has the unit {found}, the port {port}", own.formula)))

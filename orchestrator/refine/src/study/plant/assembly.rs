@@ -200,6 +200,7 @@ impl Plant {
             parts,
             starts,
             slots,
+            system_inputs: graph.inputs.len(),
             extra_first,
             names,
             states,

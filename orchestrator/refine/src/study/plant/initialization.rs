@@ -1,7 +1,7 @@
 //! The components of a system at the begin of a simulation: start values, initial states, the first event.
 
 use super::instance::PartInstance;
-use super::{Parameter, Part, Plant, Problem};
+use super::{Feed, Parameter, Part, Plant, Problem};
 use airloop_cosim::system::graph::{Component, Start};
 use airloop_fmi::Instance;
 
@@ -81,6 +81,8 @@ impl Plant {
     ) -> Result<(), Problem> {
         // What a sampled component takes at its first event follows from the states of the others.
         let sampled = self.parts.iter().any(|part| part.only_events);
+        // Nothing follows from what outputs were in another simulation.
+        self.slots[self.system_inputs..self.extra_first].fill(0.0);
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialized {
@@ -103,6 +105,9 @@ impl Plant {
                 // A slave stays there until its inputs have their values.
                 PartInstance::Stepped(own) => own.preview(time).map_err(Problem::fmu)?,
                 PartInstance::Equations(model) => {
+                    for (reference, value) in own_inputs(&part.feeds, &self.slots[..self.system_inputs]) {
+                        model.set_real(&[reference], &[value]).map_err(Problem::fmu)?;
+                    }
                     model.exit_initialization_mode().map_err(Problem::fmu)?;
                     if !part.states.is_empty() {
                         model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
@@ -128,6 +133,15 @@ impl Part {
     fn takes_start_values(&self) -> bool {
         self.only_events && !self.state_references.is_empty()
     }
+}
+
+/// Inputs that system inputs drive, and their values in front of any block: what a component keeps of the past (the
+/// line of a delay) begins with them. Those that other components drive are not known before all are initialized.
+fn own_inputs(feeds: &[Feed], system_inputs: &[f64]) -> impl Iterator<Item = (u32, f64)> {
+    feeds.iter().filter_map(|feed| {
+        let (slot, conversion) = feed.source?;
+        system_inputs.get(slot).map(|&value| (feed.reference, conversion.apply(value)))
+    })
 }
 
 fn set_start_values(instance: &mut Instance, component: &Component) -> Result<(), Problem> {
