@@ -233,6 +233,9 @@ fn listed_instead(
     (listed, None)
 }
 
+/// Error of effects beside corrections over that of the effects alone from which on their fit is made again.
+const MAX_ERROR_BESIDE_CORRECTIONS: f64 = 1.05;
+
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
 /// noise or several of them do, which may stand for parameters that are slightly off.
 fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
@@ -248,7 +251,10 @@ fn beside_corrections(search: &by_share::Search, exact: Selection) -> (Selection
         if !exact.exact {
             exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
         }
-        found.beside_corrections = Some(found.selection.best);
+        // Corrections make nothing worse: where they seem to, their fit ended short of its optimum.
+        let fell_short = found.selection.best.error > MAX_ERROR_BESIDE_CORRECTIONS * exact.best.error;
+        let again = fell_short.then(|| search.refitted(&found, &exact.best.fit.parameters));
+        found.beside_corrections = Some(again.unwrap_or(found.selection.best));
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));
     }

@@ -7,7 +7,7 @@ use super::catalog::fastest;
 use super::law::{Law, Point, preslide_along, shape};
 use super::memory::Memory;
 use super::model::Study;
-use crate::vocabulary::own::MAX_STATES;
+use crate::vocabulary::own::{MAX_STATES, Own};
 
 /// Largest values seen at the attachments.
 #[derive(Debug, Clone, Default)]
@@ -44,6 +44,18 @@ impl Survey {
             *range = (range.0.min(value), range.1.max(value));
         }
     }
+}
+
+/// States of an effect of one's own after `step` \[s\] on the way between two points, with the variables at their means,
+/// on both sides of a change of direction each: memories of friction follow |v|.
+fn advance_along(own: &Own, [begin, end]: [Point; 2], z: &mut [f64], p: &[f64], step: f64) {
+    if begin.velocity * end.velocity >= 0.0 {
+        return own.advance(begin.mean(end).variables(), z, p, step);
+    }
+    let part = begin.velocity / (begin.velocity - end.velocity);
+    let turn = begin.toward(end, part);
+    own.advance(begin.mean(turn).variables(), z, p, part * step);
+    own.advance(turn.mean(end).variables(), z, p, (1.0 - part) * step);
 }
 
 /// A law that acts: its parameters, its states in those of the blocks.
@@ -133,8 +145,8 @@ impl Blocks<'_> {
                 let mut z = [0.0; MAX_STATES];
                 z[..states.len()].copy_from_slice(&self.z[states.clone()]);
                 if !states.is_empty() {
-                    let mean = self.see(tap, at).mean(at);
-                    own.advance(mean.variables(), &mut z[..states.len()], p, at.time - self.time);
+                    let sample = self.see(tap, at);
+                    advance_along(own, [sample, at], &mut z[..states.len()], p, at.time - self.time);
                 }
                 let found = own.value(at.variables(), &z, p);
                 value = if own.port.replaces() { found } else { value - self.study.taps[tap].sign * found };
@@ -195,8 +207,8 @@ impl Blocks<'_> {
                         z[0] = preslide_along(z[0], speeds, self.p[range.start], step);
                     }
                     Law::Own(index) => {
-                        let mean = sample.toward(last, 0.5 * part);
-                        self.study.own[index].advance(mean.variables(), z, &self.p[range.clone()], step);
+                        let way = [sample, sample.toward(last, part)];
+                        advance_along(&self.study.own[index], way, z, &self.p[range.clone()], step);
                     }
                     Law::Memory(kind) => {
                         let p = &self.p[range.clone()];

@@ -81,6 +81,15 @@ impl Search<'_> {
         })
     }
 
+    /// The effects of a selection beside corrections, fitted from `start`.
+    pub fn refitted(&self, found: &ByShare, start: &[f64]) -> fits::Model {
+        let again = self.ask(&found.selection, |question, known| {
+            let again = forward_selection::refit(question, &found.added, start);
+            answer(self.fits, &found.selection.declared, known, &again)
+        });
+        again.selection.best
+    }
+
     /// The effects `found`, fitted again without an effect that takes away the share `alone` of the error on validation
     /// records; the effects accepted one by one in its place, where they do better on the estimation records.
     pub fn without(&self, found: &ByShare, weak: usize, alone: f64) -> ByShare {
