@@ -38,9 +38,16 @@ def effects_folder(
             # In messages the file stands for the place in the list.
             file = Path(name, f"effect_{number:02d}.toml")
             if isinstance(effect, Mapping):
-                file.write_text(to_toml(json.dumps(effect)), encoding="utf-8")
+                table = dict(effect)
+                if isinstance(table.get("fmu"), (str, os.PathLike)):
+                    table["fmu"] = os.path.abspath(table["fmu"])
+                file.write_text(to_toml(json.dumps(table)), encoding="utf-8")
             elif isinstance(effect, str) and is_text(effect):
                 file.write_text(effect, encoding="utf-8")
             else:
-                shutil.copyfile(effect, file)
+                # Its FMU is looked for where the file is.
+                try:
+                    file.symlink_to(Path(effect).absolute())
+                except OSError:
+                    shutil.copyfile(effect, file)
         yield name

@@ -142,6 +142,41 @@ def test_the_command_explains_and_checks(refined, tmp_path):
     assert "quaddrag" in airloop("effects", "list")
 
 
+PUSH = """kind = "push"
+port = "force"
+formula = "c*v^3/(w^2 + v^2)"
+parameters.c.unit = "N.s/m"
+parameters.w = { unit = "m/s", start = [0.1, 1.0], bounds = [1e-3, 1e2] }
+"""
+
+
+@pytest.mark.parametrize("dissipative", [False, True])
+def test_an_effect_that_must_take_energy_is_not_one_that_gives_some(tmp_path, dissipative):
+    text = STUDY
+    for number in range(4):
+        u = drive(number)
+
+        def rate(time, y):
+            force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
+            return [y[1], (force - DAMPING * y[1] + 0.4 * y[1] ** 3 / (0.09 + y[1] ** 2)) / MASS]
+
+        times = STEP * np.arange(COUNT)
+        x = solve_ivp(rate, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y[0]
+        x += 2e-5 * np.random.default_rng(70 + number).standard_normal(COUNT)
+        np.savetxt(tmp_path / f"r{number}.csv", np.column_stack([times, u, x]), delimiter=",", header="time,force,position", comments="", fmt="%.7f")
+        role = "estimation" if number < 3 else "validation"
+        text += f'[[segment]]\nfile = "r{number}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+    (tmp_path / "study.toml").write_text(text)
+    (tmp_path / "push.toml").write_text(PUSH + "signs.dissipative = true\n" * dissipative)
+    result = start("refine", tmp_path / "study.toml", "--effects", tmp_path / "push.toml", "-o", tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    selected = [effect for effect in report["effects"] if effect["selected"]]
+    names = [effect["id"].split("@")[0] for effect in selected]
+    assert ("push" in names) is not dissipative, result.stdout
+    if not dissipative:
+        assert names == ["push"] and selected[0]["params"]["c"]["value"] == pytest.approx(-0.4, rel=0.02)
+
+
 CREEP = """kind = "creep"
 port = "sensor"
 formula = "f + k*z"
@@ -226,6 +261,9 @@ def test_the_effects_of_the_program_are_shown_and_begin_own_ones(tmp_path):
     assert "own_coulomb at a force port, 0 states, 2 parameters" in airloop("effects", "check", tmp_path / "own.toml")
     listed = airloop("effects", "list")
     assert all(kind in listed for kind in ("rate_limit", "overflow", "cubic_spring", "sensor.lag"))
+    (tmp_path / "power.toml").write_text(CREEP + "[signs]\ndissipative = true\n")
+    result = start("effects", "check", tmp_path / "power.toml")
+    assert result.returncode == 1 and "a sensor has no power" in result.stderr
     for effect, problem in (("delay", "is no formula"), ("nix", "there is no such file or folder")):
         result = start("effects", "show", effect, "--toml")
         assert result.returncode != 0 and problem in result.stderr

@@ -15,7 +15,7 @@ use super::{output, table};
 use airloop::Error;
 use airloop_refine::vocabulary::builtin::{BUILTIN, Builtin};
 use airloop_refine::vocabulary::folder::Folder;
-use airloop_refine::vocabulary::own::{Own, Parameter, VARIABLES};
+use airloop_refine::vocabulary::own::{Law, Own, Parameter, VARIABLES};
 use airloop_report::plot::formula;
 use airloop_series::file::{make_folder_of, write_whole};
 
@@ -27,7 +27,8 @@ const POINTS: usize = 301;
 pub enum Command {
     /// List the effects that a search looks for: those of the program, and those of a folder.
     ///
-    /// The formula is taken off the force, torque or flow at the port; at a signal or command it takes the place of f.
+    /// The formula is taken off the force, torque or flow at the port; at a signal, command or sensor it takes the place of
+    /// f.
     /// One without a formula is computed by the program alone.
     #[command(after_help = "Example: airloop effects list effects/")]
     List {
@@ -40,7 +41,7 @@ pub enum Command {
     ///
     /// kind = "bristle"              (its name)
     ///
-    /// port = "force"                (force, torque or flow: the formula is taken off; signal: the formula replaces f)
+    /// port = "force"                (force, torque, flow: the formula is taken off; signal, sensor: it replaces f)
     ///
     /// formula = "k*z"               (over x, v, f (the value that passes), t, states, parameters)
     ///
@@ -50,13 +51,25 @@ pub enum Command {
     ///
     /// [parameters.k]  unit = "N/m", bounds = [0, 1e6], start = [100, 1000]
     ///
-    /// [signs]  dissipative = true   (takes energy)
+    /// [signs]  dissipative = true   (of a force or torque: over the records it has to take energy)
     ///
     /// [variables]  f = "Pa"         (units of x, v, f where they are not those of the port)
     ///
     /// Operators + - * / ^; functions sin cos tan tanh exp ln sqrt abs sign floor min max clamp, and curve(x, x1, y1,
     /// x2, y2, ...) through points; a number with a unit is a parameter. `start` may be left out where the formula is
-    /// proportional to the parameter. At most 3 states and 12 parameters.
+    /// proportional to the parameter. At most 3 states and 12 parameters. A sensor shows an output as f; it has t, but no
+    /// x and v.
+    ///
+    /// In place of the formula an FMU for Model Exchange may give the value; units, ranges and starts of parameters that
+    /// the file leaves out are those of the FMU, which may have 8 states:
+    ///
+    /// fmu = "bristle.fmu"           (beside the file)
+    ///
+    /// output = "force"              (its output)
+    ///
+    /// inputs = { v = "speed" }      (its inputs that get x, v, f)
+    ///
+    /// [parameters]  stiffness = {}
     #[command(
         after_help = "Exit codes: 0 all are effects, 1 some are not.\n\nExample: airloop effects check effects/"
     )]
@@ -120,7 +133,10 @@ fn list(path: Option<&PathBuf>) -> Result<ExitCode, Error> {
 
 /// Kind, ports, formula, states, words.
 fn row(kind: &str, ports: &str, own: Option<&Own>, words: &str) -> Vec<String> {
-    let state = |(name, rate): &(String, String)| format!("{name} = {rate}");
+    let state = |(name, rate): &(String, String)| match own.map(|own| &own.law) {
+        Some(Law::Fmu(_)) => name.clone(),
+        _ => format!("{name} = {rate}"),
+    };
     let formula = own.map_or_else(String::new, |own| own.formula.clone());
     let states: Vec<String> = own.map_or_else(Vec::new, |own| own.states.iter().map(state).collect());
     vec![kind.into(), ports.into(), formula, states.join("; "), words.into()]
@@ -237,7 +253,10 @@ fn explained(own: &Own) -> String {
     let effect = if own.port.replaces() { "the value becomes" } else { "taken off" };
     let mut text = format!("{}  {}\n{effect}  {} [{}]\n", own.kind, own.words, own.formula, own.units[2]);
     for (name, rate) in &own.states {
-        text += &format!("state  d{name}/dt = {rate}, 0 at the start\n");
+        text += &match own.law {
+            Law::Formula { .. } => format!("state  d{name}/dt = {rate}, 0 at the start\n"),
+            Law::Fmu(_) => format!("state  {name} of the FMU\n"),
+        };
     }
     let rows: Vec<Vec<String>> = own
         .parameters
@@ -250,7 +269,7 @@ fn explained(own: &Own) -> String {
         .collect();
     text += &table::table(&["parameter", "unit", "from", "to", "starts"], &rows, &[2, 3]);
     if own.dissipative {
-        text += "\nIt takes energy: formula times v is not negative on average.";
+        text += "\nIt takes energy: over the records, the effect times v is not negative on average.";
     }
     text + "\n"
 }

@@ -429,6 +429,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         fixed,
         taps,
         own: Vec::new(),
+        motion: Vec::new(),
         surfaces: Vec::new(),
         candidates: Vec::new(),
         ranges: Vec::new(),

@@ -4,12 +4,16 @@
 use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
+use crate::vocabulary::Own;
 
 /// Share of the samples from which on what pushes back is no end stop but a spring.
 const MAX_CONTACT_SHARE: f64 = 0.4;
 
 /// Share of the larger one by which limits of two directions differ; below it they are one limit.
 const MIN_ASYMMETRY: f64 = 0.02;
+
+/// Share of the energy that passes an effect which it may give back in the end and still be said to take some.
+const MAX_RETURNED_ENERGY: f64 = 1e-3;
 
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
@@ -56,8 +60,27 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         Law::Cogging => p[first + 2] <= 0.5 * travel,
         Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
         Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+        Law::Own(index) => {
+            let effect = &study.own[index];
+            !effect.dissipative || takes_energy(study, effect, tap, &p[own.entries.clone()])
+        }
         _ => true,
     }
+}
+
+/// Whether an effect takes energy over all records, on the motion of the declared model.
+fn takes_energy(study: &Study, effect: &Own, tap: usize, p: &[f64]) -> bool {
+    let mut z = vec![0.0; effect.states.len()];
+    let (mut taken, mut moved) = (0.0, 0.0);
+    for (step, taps) in &study.motion {
+        z.fill(0.0);
+        for point in taps.get(tap).into_iter().flatten() {
+            let power = effect.value(point.variables(), &z, p) * point.velocity * step;
+            (taken, moved) = (taken + power, moved + power.abs());
+            effect.advance(point.variables(), &mut z, p, *step);
+        }
+    }
+    taken >= -MAX_RETURNED_ENERGY * moved
 }
 
 /// An end stop.

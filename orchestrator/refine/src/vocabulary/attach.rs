@@ -31,6 +31,9 @@ pub fn fill(
     effects: &[Arc<Own>],
     trace: &[(f64, Vec<Vec<Point>>)],
 ) {
+    if effects.iter().any(|own| own.dissipative) {
+        study.motion = trace.to_vec();
+    }
     for own in effects {
         if own.port == PortKind::Sensor {
             at_sensors(study, own);

@@ -41,7 +41,9 @@ impl Folder {
         for file in files {
             let text = airloop_series::file::read_to_string(&file);
             let own = text.map_err(|error| Problem { place: String::new(), problem: error.to_string() });
-            let beside = file.parent().unwrap_or(Path::new(""));
+            // Of a link, where the file itself is.
+            let whole = file.canonicalize().unwrap_or_else(|_| file.clone());
+            let beside = whole.parent().unwrap_or(Path::new(""));
             match own.and_then(|text| Own::read_in(&text, beside)) {
                 Ok(own) if found.effects.iter().any(|(_, other)| other.kind == own.kind) => {
                     let problem = format!("the kind `{}` is given twice; choose another name", own.kind);

@@ -30,8 +30,7 @@ struct File {
     states: BTreeMap<String, Spanned<State>>,
     #[serde(default)]
     parameters: BTreeMap<String, Spanned<Entry>>,
-    #[serde(default)]
-    signs: Signs,
+    signs: Option<Signs>,
 }
 
 #[derive(Deserialize)]
@@ -66,11 +65,10 @@ enum Starts {
     Several(Vec<f64>),
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Signs {
-    #[serde(default)]
-    dissipative: bool,
+    dissipative: Spanned<bool>,
 }
 
 /// `line L, column C: ` of a byte of a text.
@@ -177,6 +175,17 @@ impl Reader<'_> {
         Ok(units)
     }
 
+    /// Whether the effect has to take energy.
+    fn dissipative(&self, port: PortKind) -> Result<bool, Problem> {
+        let Some(Signs { dissipative }) = &self.file.signs else { return Ok(false) };
+        let has_power = matches!(port, PortKind::Force | PortKind::Torque);
+        if *dissipative.get_ref() && !has_power {
+            let problem = format!("a {} has no power; `dissipative` is for a force or a torque", port.word());
+            return Err(self.refuse(dissipative, problem));
+        }
+        Ok(*dissipative.get_ref())
+    }
+
     /// Bounds and starts of a parameter, as the file gives them.
     fn range(&self, name: &str, at: &Spanned<Entry>) -> Result<((f64, f64), Vec<f64>), Problem> {
         let entry = at.get_ref();
@@ -266,7 +275,7 @@ impl Reader<'_> {
             units,
             formula: law.words(),
             words: file.words.clone(),
-            dissipative: file.signs.dissipative,
+            dissipative: self.dissipative(port)?,
             states: law.states.iter().map(|name| (name.clone(), format!("der({name})"))).collect(),
             parameters,
             law: Law::Fmu(Arc::new(law)),
@@ -355,7 +364,7 @@ impl Reader<'_> {
             units,
             formula: formula.get_ref().clone(),
             words: file.words.clone(),
-            dissipative: file.signs.dissipative,
+            dissipative: self.dissipative(port)?,
             states,
             parameters,
             law: Law::Formula { expression, rates },
