@@ -44,6 +44,9 @@ const MAX_MEAN_SQUARE: f64 = 30.0;
 const STEPS_PER_JACOBIAN: usize = 4;
 /// Share of what a step promised that it must gain for the derivatives to serve the next.
 const MIN_GAIN_OVER_PROMISE: f64 = 0.8;
+/// Derivatives that replace ones which led astray after less than such a gain, for each round of a fit at most: they
+/// are no rounds, and along a winding valley every second set of derivatives is one of these.
+const MAX_RENEWALS_PER_ROUND: usize = 4;
 /// Gain that new derivatives may still promise when the old ones gain nothing more.
 const MIN_PROMISE_OF_NEW_JACOBIAN: f64 = 0.02;
 
@@ -84,7 +87,7 @@ pub fn fit<S: System + ?Sized>(
     let count = |&record: &usize| system.signals(record).last().map_or(0, |span| span.range.end);
     let samples = records.iter().map(count).sum::<usize>() as f64;
     let mut normal = Normal::new(system, records, &p, free, &locals);
-    let (mut round, mut refused, mut served, mut settled) = (0, 0, 0, false);
+    let (mut round, mut refused, mut served, mut settled, mut renewed) = (0, 0, 0, false, 0);
     while round < iterations && refused < 6 && !stop::asked() {
         let (matrix, right, chi2) = (&normal.matrix, &normal.right, normal.chi2);
         let held = held_at_bounds(&p, free, right);
@@ -139,6 +142,10 @@ pub fn fit<S: System + ?Sized>(
                 }
                 normal = new;
                 served = 0;
+                renewed += 1;
+                if renewed >= MAX_RENEWALS_PER_ROUND * iterations {
+                    break;
+                }
                 continue;
             }
             damping = (damping * 10.0).max(1e-3);
