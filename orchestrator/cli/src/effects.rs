@@ -27,8 +27,7 @@ const POINTS: usize = 301;
 pub enum Command {
     /// List the effects that a search looks for: those of the program, and those of a folder.
     ///
-    /// The formula is taken off the force, torque or flow at the port; at a signal, command or sensor it takes the place of
-    /// f.
+    /// The formula is taken off the force, torque or flow at the port; at a signal, command or sensor it replaces f.
     /// One without a formula is computed by the program alone.
     #[command(after_help = "Example: airloop effects list effects/")]
     List {
@@ -57,11 +56,11 @@ pub enum Command {
     ///
     /// Operators + - * / ^; functions sin cos tan tanh exp ln sqrt abs sign floor min max clamp, and curve(x, x1, y1,
     /// x2, y2, ...) through points; a number with a unit is a parameter. `start` may be left out where the formula is
-    /// proportional to the parameter. At most 3 states and 12 parameters. A sensor shows an output as f; it has t, but no
-    /// x and v.
+    /// proportional to the parameter. At most 3 states and 12 parameters. A sensor shows an output as f; it has t, but
+    /// no x and v.
     ///
-    /// In place of the formula an FMU for Model Exchange may give the value; units, ranges and starts of parameters that
-    /// the file leaves out are those of the FMU, which may have 8 states:
+    /// In place of the formula an FMU for Model Exchange may give the value; units, ranges and starts of parameters
+    /// that the file leaves out are those of the FMU, which may have 8 states:
     ///
     /// fmu = "bristle.fmu"           (beside the file)
     ///

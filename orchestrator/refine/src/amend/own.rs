@@ -58,8 +58,8 @@ fn insert_fmu(
     }
 }
 
-/// The block of an effect that is a formula, with the name of its component and the values that its parameters have in the
-/// answer.
+/// The block of an effect that is a formula, with the name of its component and the values that its parameters have
+/// in the answer.
 pub fn block(own: &Own, (effect, name): (&Effect, String), sign: f64, sources: &Sources) -> Block {
     let names = |list: Vec<&str>| Value::String(list.join(" "));
     // What is taken off is added where a larger value makes the velocity or the level fall.

@@ -46,8 +46,8 @@ impl Survey {
     }
 }
 
-/// States of an effect of one's own after `step` \[s\] on the way between two points, with the variables at their means,
-/// on both sides of a change of direction each: memories of friction follow |v|.
+/// States of an effect of one's own after `step` \[s\] on the way between two points, with the variables at their
+/// means, on both sides of a change of direction each: memories of friction follow |v|.
 fn advance_along(own: &Own, [begin, end]: [Point; 2], z: &mut [f64], p: &[f64], step: f64) {
     if begin.velocity * end.velocity >= 0.0 {
         return own.advance(begin.mean(end).variables(), z, p, step);

@@ -196,8 +196,8 @@ pub struct Study {
     pub taps: Vec<Tap>,
     /// Effects of one's own, which [`Law::Own`] names by their place.
     pub own: Vec<std::sync::Arc<crate::vocabulary::Own>>,
-    /// What the attachments show with the declared model, by record: step \[s\] and `[taps][n]`; kept where an effect of
-    /// one's own has to take energy.
+    /// Signals at the attachments with the declared model, by record: step \[s\] and `[taps][n]`; kept where an effect
+    /// of one's own has to take energy.
     pub motion: Vec<(f64, Vec<Vec<Point>>)>,
     /// Free forms that laws are made of, which [`Law::Surface`] names by their place.
     pub surfaces: Vec<crate::law::surface::Surface>,

@@ -12,7 +12,7 @@ const MAX_ITERATIONS: usize = 100;
 /// Difference of a state for the slope of its rate, relative.
 const STATE_STEP: f64 = 1e-6;
 
-/// What the file of an effect says of its FMU.
+/// Variables of the FMU that the file of an effect names.
 #[derive(Debug, Clone, Default)]
 pub struct Interface<'a> {
     /// Output that is the effect.

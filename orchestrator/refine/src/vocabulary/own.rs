@@ -35,7 +35,7 @@ pub enum PortKind {
     Flow,
     /// A signal or command; the formula replaces it.
     Signal,
-    /// What a sensor shows of an output; the formula replaces it.
+    /// An output as its sensor shows it; the formula replaces it.
     Sensor,
 }
 
@@ -111,11 +111,11 @@ pub struct Own {
     pub states: Vec<(String, String)>,
     /// Parameters.
     pub parameters: Vec<Parameter>,
-    /// What gives its value.
+    /// Source of its value.
     pub law: Law,
 }
 
-/// What gives the value of an effect.
+/// Source of the value of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Law {
     /// A formula.
