@@ -55,6 +55,36 @@ def test_the_numbers_are_those_of_the_readme(example):
             assert report["residual"]["validation"][key][signal] == pytest.approx(expected, rel=0.02), (key, signal)
 
 
+@pytest.mark.parametrize(("late", "slower"), [(1 / 3, 0.0), (0.0, 5e-4)])
+def test_time_stamps_that_jitter_or_drift_give_the_same_answer(example, tmp_path, late, slower):
+    """A logger whose loop is late by up to a part of a step, or runs slower."""
+    folder = tmp_path / "case"
+    folder.mkdir()
+    shutil.copy(ROOT / "data" / "rig" / "v01" / "case.toml", folder)
+    rng = np.random.default_rng(5)
+    for path in (ROOT / "data" / "rig" / "v01").glob("*.csv"):
+        names = path.read_text().splitlines()[0].split(",")
+        rows = np.loadtxt(path, delimiter=",", skiprows=1)
+        index = np.arange(int(0.999 * len(rows)))
+        time = 0.001 * ((1.0 + slower) * index + late * rng.uniform(0.0, 1.0, len(index)))
+        time[0] = 0.0
+        columns = [np.interp(time, rows[:, 0], rows[:, k]) for k in range(2, rows.shape[1])]
+        sent = rows[np.clip(np.round(time / 0.001).astype(int), 0, len(rows) - 1), 1]
+        np.savetxt(folder / path.name, np.column_stack([time, sent, *columns]), delimiter=",", header=",".join(names), comments="", fmt="%.6f")
+    result = airloop("refine", folder, "-o", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    found, known = report_of(tmp_path / "out"), report_of(example[0])
+    chosen = [[effect for effect in report["effects"] if effect["selected"]] for report in (found, known)]
+    assert [effect["id"] for effect in chosen[0]] == [effect["id"] for effect in chosen[1]]
+    low, high = chosen[0][0]["params"]["stiffness"]["ci95"]
+    assert low <= EXPECTED["truth"]["stiffness"] <= high
+    assert any("steps from a grid of 1000 Hz" in note for note in found["notes"])
+    text = (folder / "trial_01.csv").read_text().splitlines()
+    (folder / "trial_01.csv").write_text("\n".join(text[:100] + text[110:]))
+    result = airloop("refine", folder, "-o", tmp_path / "out")
+    assert result.returncode == 1 and "line 101" in result.stderr and "split the record at gaps" in result.stderr
+
+
 def test_what_is_left_is_told_by_the_inputs_of_the_rig(example):
     left = report_of(example[0])["remaining"]["ports"]
     assert set(left) == {"actuator.u", "piston_friction.F_out", "cart_pole.F", "cart_pole.tau_ext"}

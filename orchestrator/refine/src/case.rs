@@ -10,7 +10,7 @@ use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
 use super::study::clipping::clipping;
 use super::study::declaration::words;
-use super::{cleaned, regime, spikes};
+use super::{cleaned, grid, regime, spikes};
 use airloop_series::{TimeSeries, csv};
 
 /// Contents of `case.toml`: the declared model, its sensors and the list of records.
@@ -212,7 +212,7 @@ impl Case {
     /// Reads a case folder.
     ///
     /// # Errors
-    /// A file that cannot be read, a signal without declared sensor, a time axis with gaps or of another rate, no
+    /// A file that cannot be read, a signal without declared sensor, a time axis with gaps or of another rate (one that jitters or drifts is put on the grid), no
     /// estimation or no validation record: each names file, place and remedy.
     pub fn read(folder: &Path) -> Result<Case, Error> {
         let path = folder.join("case.toml");
@@ -259,7 +259,7 @@ impl Case {
         let (mut records, mut notes) = (Vec::new(), Vec::new());
         for file in &declaration.files {
             let path = folder.join(&file.name);
-            let series = read_record(&path, &declaration)?;
+            let series = read_record(&path, &declaration, &mut notes)?;
             let series = cleaned::without(series, &file.name, &measured, &states, &mut notes);
             records.push(series.map_err(|problem| Error::Case { path, problem })?);
         }
@@ -329,20 +329,9 @@ fn check_tolerances(tolerances: &BTreeMap<String, f64>) -> Result<(), String> {
     Ok(())
 }
 
-fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Error> {
+fn read_record(path: &Path, declaration: &Declaration, notes: &mut Vec<String>) -> Result<TimeSeries, Error> {
     let series = csv::read(path)?;
     let refused = |problem: String| Error::Case { path: path.into(), problem };
-    let step = 1.0 / declaration.sample_rate_hz;
-    for (index, pair) in series.time().windows(2).enumerate() {
-        if ((pair[1] - pair[0]) / step - 1.0).abs() > 0.01 {
-            return Err(refused(format!(
-                "line {}: {} s after the row before, but sample_rate_hz = {} means {step} s; split the record at gaps or correct the rate",
-                index + 3,
-                pair[1] - pair[0],
-                declaration.sample_rate_hz
-            )));
-        }
-    }
     for name in declaration.sensors.keys() {
         if series.channel(name).is_none() {
             return Err(refused(format!(
@@ -358,5 +347,9 @@ fn read_record(path: &Path, declaration: &Declaration) -> Result<TimeSeries, Err
             )));
         }
     }
-    Ok(series)
+    let exact = declaration.sensors.iter().filter(|(_, sensor)| sensor.noise_rms == 0.0);
+    let held: Vec<String> = exact.map(|(name, _)| name.clone()).collect();
+    let step = 1.0 / declaration.sample_rate_hz;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    grid::on_grid(series, step, &name, &held, notes).map_err(refused)
 }

@@ -11,6 +11,7 @@ mod cleaned;
 pub mod engine;
 pub mod evidence;
 mod explained;
+mod grid;
 pub mod interval;
 pub mod law;
 pub mod moving;
