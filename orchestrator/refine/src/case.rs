@@ -217,6 +217,10 @@ impl Case {
     pub fn read(folder: &Path) -> Result<Case, Error> {
         let path = folder.join("case.toml");
         let refused = |problem: String| Error::Case { path: path.clone(), problem };
+        if !folder.exists() {
+            let problem = "there is no such file or folder; give the folder of a case, or a study.toml";
+            return Err(Error::Case { path: folder.into(), problem: problem.into() });
+        }
         if folder.is_file() {
             let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
             return Err(Error::Case { path: folder.into(), problem: problem.into() });

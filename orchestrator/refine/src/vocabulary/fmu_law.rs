@@ -1,6 +1,7 @@
 //! An effect of one's own that an FMU computes: one of its outputs, from inputs that are the variables of a port.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use airloop_fmi::{Causality, Error, Fmu, InterfaceKind, Model, RealAttributes, Variable, VariableKind};
@@ -55,6 +56,8 @@ pub struct FmuLaw {
     has_relations: bool,
     idle: Mutex<Vec<Evaluator>>,
     problem: Mutex<Option<String>>,
+    /// Its process came to an end: it would do so again.
+    ended: AtomicBool,
 }
 
 /// One instance.
@@ -135,6 +138,7 @@ impl FmuLaw {
             has_relations,
             idle: Mutex::default(),
             problem: Mutex::default(),
+            ended: AtomicBool::new(false),
             fmu,
         })
     }
@@ -207,26 +211,36 @@ impl FmuLaw {
         p: &[f64],
         ask: impl FnOnce(&mut Model) -> Result<R, Error>,
     ) -> Option<R> {
+        if self.ended.load(Ordering::Relaxed) {
+            return None;
+        }
         let found = self.take(p).and_then(|mut own| {
-            let there = own.initialize(self, p).and_then(|()| own.go_to(self, variables, z));
-            let found = there.and_then(|()| ask(&mut own.model).map_err(|error| error.to_string()))?;
+            own.initialize(self, p)?;
+            own.go_to(self, variables, z)?;
+            let found = ask(&mut own.model)?;
             self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(own);
             Ok(found)
         });
-        let mut first = self.problem.lock().unwrap_or_else(PoisonError::into_inner);
-        found.map_err(|problem| first.get_or_insert(problem)).ok()
+        found
+            .map_err(|refusal: Refusal| {
+                if matches!(refusal, Refusal::Call(Error::Lost(_) | Error::Dead { .. })) {
+                    self.ended.store(true, Ordering::Relaxed);
+                }
+                let mut first = self.problem.lock().unwrap_or_else(PoisonError::into_inner);
+                first.get_or_insert_with(|| refusal.to_string());
+            })
+            .ok()
     }
 
     /// An idle instance, one with these parameters where there is one, or a new one.
-    fn take(&self, p: &[f64]) -> Result<Evaluator, String> {
+    fn take(&self, p: &[f64]) -> Result<Evaluator, Refusal> {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let same = idle.iter().rposition(|own| own.p.as_deref() == Some(p));
         if let Some(place) = same.or(idle.len().checked_sub(1)) {
             return Ok(idle.swap_remove(place));
         }
         drop(idle);
-        let model = Model::instantiate(&self.fmu, &self.fmu.description.model_name, false);
-        let model = model.map_err(|error| error.to_string())?;
+        let model = Model::instantiate(&self.fmu, &self.fmu.description.model_name, false)?;
         let (inputs, states) = (vec![0.0; self.inputs.len()], vec![0.0; self.states.len()]);
         Ok(Evaluator { model, p: None, start: states.clone(), inputs, states })
     }
@@ -237,85 +251,83 @@ impl FmuLaw {
     }
 }
 
+/// Why an FMU gives no value.
+#[derive(Debug, thiserror::Error)]
+enum Refusal {
+    /// A call failed.
+    #[error(transparent)]
+    Call(#[from] Error),
+    /// It does what an effect must not do.
+    #[error("{0}; make it a component of the system")]
+    Kind(String),
+}
+
 impl Evaluator {
     /// Initializes the FMU with parameters `p`, unless it is already.
-    fn initialize(&mut self, law: &FmuLaw, p: &[f64]) -> Result<(), String> {
+    fn initialize(&mut self, law: &FmuLaw, p: &[f64]) -> Result<(), Refusal> {
         if self.p.as_deref() == Some(p) {
             return Ok(());
         }
-        let begun = self.p.take().is_some();
-        let model = &mut self.model;
-        let mut begin = || -> Result<(), Error> {
-            if begun {
-                model.reset()?;
-            }
-            if !p.is_empty() {
-                model.set_real(&law.parameter_references, p)?;
-            }
-            model.setup_experiment(None, 0.0, None)?;
-            model.enter_initialization_mode()?;
-            model.exit_initialization_mode()
-        };
-        begin().map_err(|error| error.to_string())?;
+        if self.p.take().is_some() {
+            self.model.reset()?;
+        }
+        if !p.is_empty() {
+            self.model.set_real(&law.parameter_references, p)?;
+        }
+        self.model.setup_experiment(None, 0.0, None)?;
+        self.model.enter_initialization_mode()?;
+        self.model.exit_initialization_mode()?;
         // Its states may follow from what is known at the beginning.
         if self.iterate()?.is_some() {
-            return Err(format!(
-                "{} has time events; make it a component of the system",
-                law.fmu.shown.display()
-            ));
+            return Err(Refusal::Kind(format!("{} has time events", law.fmu.shown.display())));
         }
         if !self.start.is_empty() {
-            self.model.get_continuous_states(&mut self.start).map_err(|error| error.to_string())?;
+            self.model.get_continuous_states(&mut self.start)?;
         }
         self.p = Some(p.to_vec());
         Ok(())
     }
 
     /// Event iterations, from event mode to continuous-time mode; the time of the next event.
-    fn iterate(&mut self) -> Result<Option<f64>, String> {
-        let fail = |error: Error| error.to_string();
+    fn iterate(&mut self) -> Result<Option<f64>, Refusal> {
         for _ in 0..MAX_ITERATIONS {
-            let event = self.model.new_discrete_states().map_err(fail)?;
+            let event = self.model.new_discrete_states()?;
             if !event.new_discrete_states_needed {
-                self.model.enter_continuous_time_mode().map_err(fail)?;
+                self.model.enter_continuous_time_mode()?;
                 return Ok(event.next_event_time);
             }
         }
-        Err(format!("its event iteration does not end after {MAX_ITERATIONS} rounds"))
+        Err(Refusal::Kind(format!("its event iteration does not end after {MAX_ITERATIONS} rounds")))
     }
 
     /// Goes to a place.
-    fn go_to(&mut self, law: &FmuLaw, variables: [f64; VARIABLES.len()], z: &[f64]) -> Result<(), String> {
-        let fail = |error: Error| error.to_string();
-        self.model.set_time(variables[3]).map_err(fail)?;
+    fn go_to(&mut self, law: &FmuLaw, variables: [f64; VARIABLES.len()], z: &[f64]) -> Result<(), Refusal> {
+        self.model.set_time(variables[3])?;
         if !self.start.is_empty() {
             for ((state, start), z) in self.states.iter_mut().zip(&self.start).zip(z) {
                 *state = start + z;
             }
-            self.model.set_continuous_states(&self.states).map_err(fail)?;
+            self.model.set_continuous_states(&self.states)?;
         }
         if !self.inputs.is_empty() {
             for (value, (place, _)) in self.inputs.iter_mut().zip(&law.inputs) {
                 *value = variables[*place];
             }
-            self.model.set_real(&law.input_references, &self.inputs).map_err(fail)?;
+            self.model.set_real(&law.input_references, &self.inputs)?;
         }
         if !law.has_relations {
             return Ok(());
         }
-        self.model.enter_event_mode().map_err(fail)?;
+        self.model.enter_event_mode()?;
         self.iterate()?;
-        if self.start.is_empty() {
+        let mut there = [0.0; MAX_STATES];
+        let there = &mut there[..self.start.len()];
+        if !there.is_empty() {
+            self.model.get_continuous_states(there)?;
+        }
+        if there == self.states {
             return Ok(());
         }
-        let wanted = self.states.clone();
-        self.model.get_continuous_states(&mut self.states).map_err(fail)?;
-        if self.states == wanted {
-            return Ok(());
-        }
-        Err(format!(
-            "the states of {} jump at events; make it a component of the system",
-            law.fmu.shown.display()
-        ))
+        Err(Refusal::Kind(format!("the states of {} jump at events", law.fmu.shown.display())))
     }
 }
