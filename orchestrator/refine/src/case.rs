@@ -212,8 +212,8 @@ impl Case {
     /// Reads a case folder.
     ///
     /// # Errors
-    /// A file that cannot be read, a signal without declared sensor, a time axis with gaps or of another rate (one that jitters or drifts is put on the grid), no
-    /// estimation or no validation record: each names file, place and remedy.
+    /// A file that cannot be read, a signal without declared sensor, a time axis with gaps or of another rate (one that
+    /// jitters or drifts is put on the grid), no estimation or no validation record: each names file, place and remedy.
     pub fn read(folder: &Path) -> Result<Case, Error> {
         let path = folder.join("case.toml");
         let refused = |problem: String| Error::Case { path: path.clone(), problem };

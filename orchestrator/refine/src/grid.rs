@@ -12,9 +12,9 @@ const MAX_DRIFT: f64 = 1e-3;
 /// Ratio of a step to the declared one from which on samples are missing in between.
 const MIN_RATIO_OF_GAP: f64 = 2.5;
 
-/// The record `name` on a grid of `step` \[s\]: signals lie on straight lines between their samples; of the `held` ones,
-/// commands that a controller sends once a row, the grid has those of the nearest rows. A sentence on what was done goes
-/// to `notes`.
+/// The record `name` on a grid of `step` \[s\]: signals lie on straight lines between their samples; of the `held`
+/// ones, commands that a controller sends once a row, the grid has those of the nearest rows. A sentence on what was
+/// done goes to `notes`.
 ///
 /// # Errors
 /// A gap, or another rate, with the line of the file.
