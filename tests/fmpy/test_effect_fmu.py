@@ -204,3 +204,20 @@ def test_relations_follow_the_motion_and_other_interfaces_are_refused(tmp_path):
     make(tmp_path, "drag", DRAG, DRAG_VARIABLES, indicators=1, interface="CoSimulation")
     result = start("effects", "check", tmp_path / "drag.toml")
     assert result.returncode == 1 and "has no Model Exchange; export it for Model Exchange" in result.stderr
+
+
+def test_an_fmu_that_crashes_ends_as_a_candidate_and_the_rest_goes_on(refined, tmp_path):
+    crash = SOURCE.replace('#include "model_exchange.h"', '#define fmi2GetReal header_get_real\n#include "model_exchange.h"\n#undef fmi2GetReal') + """
+int fmi2GetReal(void *m, const unsigned *r, size_t n, double *v) {
+    if (((Model *)m)->values[1] > 0.2) abort();
+    return header_get_real(m, r, n, v);
+}
+"""
+    make(tmp_path, "bristle", crash, VARIABLES)
+    (tmp_path / "bristle.toml").write_text(EFFECT)
+    result = start("refine", refined[0] / "study.toml", "--effects", tmp_path / "bristle.toml", "-o", tmp_path / "out", "--isolate=third-party")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert "bristle.fmu was lost in fmi2GetReal" in report["not_testable"]["bristle"]
+    # Bristles are Coulomb friction that is a spring first: what the list has for it.
+    kinds = [effect["id"].split(".")[-1].split("@")[0] for effect in report["effects"] if effect["selected"]]
+    assert result.returncode == 0 and kinds == ["coulomb", "presliding"], result.stdout + result.stderr
