@@ -240,9 +240,13 @@ impl FmuLaw {
             return Ok(idle.swap_remove(place));
         }
         drop(idle);
-        let model = Model::instantiate(&self.fmu, &self.fmu.description.model_name, false)?;
+        let model = self.instantiate()?;
         let (inputs, states) = (vec![0.0; self.inputs.len()], vec![0.0; self.states.len()]);
         Ok(Evaluator { model, p: None, start: states.clone(), inputs, states })
+    }
+
+    fn instantiate(&self) -> Result<Model, Error> {
+        Model::instantiate(&self.fmu, &self.fmu.description.model_name, false)
     }
 
     /// Why the FMU refused, where it first did.
@@ -268,8 +272,8 @@ impl Evaluator {
         if self.p.as_deref() == Some(p) {
             return Ok(());
         }
-        if self.p.take().is_some() {
-            self.model.reset()?;
+        if self.p.take().is_some() && self.model.reset().is_err() {
+            self.model = law.instantiate()?;
         }
         if !p.is_empty() {
             self.model.set_real(&law.parameter_references, p)?;

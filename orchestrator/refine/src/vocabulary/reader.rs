@@ -245,13 +245,14 @@ impl Reader<'_> {
             Fault::Parameter(place) => self.nth(&file.parameters, place, fmu, problem),
         })?;
         let mut units = self.units(port)?;
-        for (name, at) in law.inputs.iter().map(|(place, name)| (*place, name)).zip(file.inputs.values()) {
-            let declared = law.attributes(name.1).and_then(|real| real.unit.clone());
-            units::same(&mut units[name.0], declared, file.variables.contains_key(VARIABLES[name.0]))
-                .map_err(|problem| self.refuse(at, format!("input `{}`: {problem}", name.1)))?;
+        for ((place, name), at) in law.inputs.iter().zip(file.inputs.values()) {
+            let declared = law.attributes(name).and_then(|real| real.unit.clone());
+            units::same(&mut units[*place], declared, file.variables.contains_key(VARIABLES[*place]))
+                .map_err(|problem| self.refuse(at, format!("input `{name}`: {problem}")))?;
         }
         let declared = law.attributes(output.get_ref()).and_then(|real| real.unit.clone());
-        units::same(&mut units[2], declared, file.variables.contains_key("f"))
+        let stated = file.variables.contains_key("f") || file.inputs.contains_key("f");
+        units::same(&mut units[2], declared, stated)
             .map_err(|problem| self.refuse(output, format!("output `{}`: {problem}", output.get_ref())))?;
         let mut parameters = Vec::new();
         for (name, entry) in &file.parameters {
@@ -284,7 +285,7 @@ impl Reader<'_> {
         Ok(own)
     }
 
-    /// Place of an entry of a table, which its number tells.
+    /// A problem with an entry of a table, by its number.
     fn nth<T>(
         &self,
         table: &BTreeMap<String, Spanned<T>>,
