@@ -42,7 +42,13 @@ impl<'a> HeldOut<'a> {
             sum.0 += (square - samples * noise * noise) / (unit * unit);
             sum.1 += samples;
         }
-        sums.into_iter().map(|(signal, (sum, samples))| (signal, (sum / samples).max(0.0))).collect()
+        // A simulation that diverges is no perfect one: the larger of zero and what is no number would be zero.
+        let square = |(sum, samples): (f64, f64)| match sum / samples {
+            _ if samples <= 0.0 => 0.0,
+            mean if mean.is_nan() => f64::INFINITY,
+            mean => mean.max(0.0),
+        };
+        sums.into_iter().map(|(signal, own)| (signal, square(own))).collect()
     }
 
     /// Spread of some records \[units\]: root mean square over signals of their standard deviations, the variance of
@@ -145,5 +151,6 @@ mod tests {
         let found = fit(&system, &[0, 1], &[0.0, 0.0], &free, &[Vec::new(), Vec::new()], 5);
         // The mean square of 512 samples of unit noise scatters by 0.06.
         assert!(held.error(&found.parameters, &[2]) < 0.25);
+        assert!(held.error(&[f64::NAN, 0.0], &[0, 1]).is_infinite());
     }
 }

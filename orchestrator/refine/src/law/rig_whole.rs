@@ -101,6 +101,9 @@ fn sentence(worse: &[(String, f64, f64)]) -> String {
     };
     match worse {
         [] => String::new(),
+        _ if worse.iter().any(|(.., is)| !is.is_finite()) => {
+            "over whole validation records the simulation with it diverges".to_owned()
+        }
         _ => {
             format!("over whole validation records {}", worse.iter().map(one).collect::<Vec<_>>().join(", "))
         }
@@ -126,7 +129,8 @@ mod tests {
         // Errors of a record whose angle is clipped: 125 % before, 169 % with the law.
         let why = whole([1.69, 0.4]).refuses(&errors_of([1.25, 0.5])).unwrap();
         assert!(why.contains("theta rises from 125 to 169 %"), "{why}");
-        assert!(whole([f64::NAN, 0.1]).refuses(&errors_of([1.25, 0.5])).is_some());
+        let why = whole([f64::NAN, 0.1]).refuses(&errors_of([1.25, 0.5])).unwrap();
+        assert_eq!(why, "over whole validation records the simulation with it diverges");
     }
 
     #[test]
