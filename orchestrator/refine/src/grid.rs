@@ -35,7 +35,7 @@ pub fn on_grid(
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let gap = steps.iter().position(|own| own / step >= MIN_RATIO_OF_GAP);
     steps.sort_by(f64::total_cmp);
-    let median = steps[steps.len() / 2];
+    let median = steps[(steps.len() - 1) / 2];
     let other_rate = |found: f64, of: &str| {
         format!(
             "its samples are {found:.9} s apart ({of}), but sample_rate_hz = {rate} means {step} s; correct the rate"
