@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from command import ROOT, airloop, start
-from test_own_effects import COUNT, DAMPING, MASS, REACH, STEP, STIFFNESS, STUDY, drive, motion
+from test_own_effects import DAMPING, MASS, REACH, STEP, STIFFNESS, motion, write_study
 
 SOURCE = """enum { STATES = 1, INPUTS = 1, PARAMETERS = 2 };
 static const double START[] = {0.0, 0.0, 300.0, 0.0005};
@@ -73,19 +73,6 @@ def make(folder, name, source, variables, indicators=0, interface="ModelExchange
     (folder / "model.c").unlink()
 
 
-def write(folder, position):
-    """Records of a driven mass and their study; `position` by the force."""
-    text = STUDY
-    for k in range(4):
-        u = drive(k)
-        x = position(u) + 2e-5 * np.random.default_rng(100 + k).standard_normal(COUNT)
-        rows = np.column_stack([STEP * np.arange(COUNT), u, x])
-        np.savetxt(folder / f"r{k}.csv", rows, delimiter=",", header="time,force,position", comments="", fmt="%.7f")
-        role = "estimation" if k < 3 else "validation"
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
-    (folder / "study.toml").write_text(text)
-
-
 @pytest.fixture(scope="module")
 def refined(tmp_path_factory):
     folder = tmp_path_factory.mktemp("effect")
@@ -93,7 +80,7 @@ def refined(tmp_path_factory):
     effects.mkdir()
     make(effects, "bristle", SOURCE, VARIABLES)
     (effects / "bristle.toml").write_text(EFFECT)
-    write(folder, motion)
+    write_study(folder, motion)
     result = start("refine", folder / "study.toml", "--effects", effects, "-o", folder / "out")
     assert result.returncode == 0, result.stdout + result.stderr
     return folder, result, json.loads((folder / "out" / "report.json").read_text())
@@ -189,7 +176,7 @@ def fast_drag(u):
 def test_relations_follow_the_motion_and_other_interfaces_are_refused(tmp_path):
     make(tmp_path, "drag", DRAG, DRAG_VARIABLES, indicators=1)
     (tmp_path / "drag.toml").write_text(DRAG_EFFECT)
-    write(tmp_path, fast_drag)
+    write_study(tmp_path, fast_drag)
     result = start("refine", tmp_path / "study.toml", "--effects", tmp_path / "drag.toml", "-o", tmp_path / "out")
     assert result.returncode == 0, result.stdout + result.stderr
     report = json.loads((tmp_path / "out" / "report.json").read_text())

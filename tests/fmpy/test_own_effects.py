@@ -11,6 +11,7 @@ from scipy.interpolate import interp1d
 
 from command import airloop, start
 from fmu import Fmu
+from segments import write_segments
 from test_derived import derive
 import raw
 
@@ -78,18 +79,22 @@ def motion(u):
     return np.array(found)
 
 
+def write_study(folder, position, noise=2e-5, seed=100):
+    """Four records of the driven mass, the last one for validation, and their study; `position` by the force."""
+    times = STEP * np.arange(COUNT)
+    records = []
+    for k in range(4):
+        u = drive(k)
+        x = position(u) + noise * np.random.default_rng(seed + k).standard_normal(COUNT)
+        records.append(np.column_stack([times, u, x]))
+    segments = write_segments(folder, records, "time,force,position", 4 * ["{ x = 0.0, v = 0.0 }"])
+    (folder / "study.toml").write_text(STUDY + segments)
+
+
 @pytest.fixture(scope="module")
 def refined(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
-    text = STUDY
-    for k in range(4):
-        u = drive(k)
-        x = motion(u) + 2e-5 * np.random.default_rng(100 + k).standard_normal(COUNT)
-        rows = np.column_stack([STEP * np.arange(COUNT), u, x])
-        np.savetxt(folder / f"r{k}.csv", rows, delimiter=",", header="time,force,position", comments="", fmt="%.7f")
-        role = "estimation" if k < 3 else "validation"
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
-    (folder / "study.toml").write_text(text)
+    write_study(folder, motion)
     effects = folder / "effects"
     effects.mkdir()
     (effects / "bristle.toml").write_text(BRISTLE)
@@ -152,21 +157,15 @@ parameters.w = { unit = "m/s", start = [0.1, 1.0], bounds = [1e-3, 1e2] }
 
 @pytest.mark.parametrize("dissipative", [False, True])
 def test_an_effect_that_must_take_energy_is_not_one_that_gives_some(tmp_path, dissipative):
-    text = STUDY
-    for number in range(4):
-        u = drive(number)
-
+    def pushed(u):
         def rate(time, y):
             force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
             return [y[1], (force - DAMPING * y[1] + 0.4 * y[1] ** 3 / (0.09 + y[1] ** 2)) / MASS]
 
         times = STEP * np.arange(COUNT)
-        x = solve_ivp(rate, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y[0]
-        x += 2e-5 * np.random.default_rng(70 + number).standard_normal(COUNT)
-        np.savetxt(tmp_path / f"r{number}.csv", np.column_stack([times, u, x]), delimiter=",", header="time,force,position", comments="", fmt="%.7f")
-        role = "estimation" if number < 3 else "validation"
-        text += f'[[segment]]\nfile = "r{number}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
-    (tmp_path / "study.toml").write_text(text)
+        return solve_ivp(rate, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y[0]
+
+    write_study(tmp_path, pushed, seed=70)
     (tmp_path / "push.toml").write_text(PUSH + "signs.dissipative = true\n" * dissipative)
     result = start("refine", tmp_path / "study.toml", "--effects", tmp_path / "push.toml", "-o", tmp_path / "out")
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -192,7 +191,7 @@ tau = { unit = "s", bounds = [1e-2, 1e2], start = [0.1, 1.0] }
 
 def test_a_sensor_that_creeps_is_found_and_stands_behind_the_output(tmp_path):
     k, tau = 0.08, 0.4
-    text = STUDY.replace("[[attachment]]", 'v = { column = "speed", unit = "m/s" }\n[[attachment]]')
+    records, times = [], STEP * np.arange(COUNT)
     for number in range(4):
         u = drive(number)
 
@@ -200,14 +199,12 @@ def test_a_sensor_that_creeps_is_found_and_stands_behind_the_output(tmp_path):
             force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
             return [y[1], (force - DAMPING * y[1]) / MASS, (y[0] - y[2]) / tau]
 
-        times = STEP * np.arange(COUNT)
         x, v, z = solve_ivp(rate, (0, times[-1]), [0.0, 0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y
         noise = 1e-4 * np.random.default_rng(50 + number).standard_normal((2, COUNT))
-        rows = np.column_stack([times, u, x + k * z + noise[0], v + noise[1]])
-        np.savetxt(tmp_path / f"r{number}.csv", rows, delimiter=",", header="time,force,position,speed", comments="", fmt="%.7f")
-        role = "estimation" if number < 3 else "validation"
-        text += f'[[segment]]\nfile = "r{number}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
-    (tmp_path / "study.toml").write_text(text)
+        records.append(np.column_stack([times, u, x + k * z + noise[0], v + noise[1]]))
+    segments = write_segments(tmp_path, records, "time,force,position,speed", 4 * ["{ x = 0.0, v = 0.0 }"])
+    speed = 'v = { column = "speed", unit = "m/s" }\n[[attachment]]'
+    (tmp_path / "study.toml").write_text(STUDY.replace("[[attachment]]", speed) + segments)
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "creep.toml").write_text(CREEP)
     (tmp_path / "effects" / "moving.toml").write_text(CREEP.replace('"f + k*z"', '"f + k*z + k*x"').replace("creep", "moving"))

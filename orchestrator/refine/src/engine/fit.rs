@@ -44,8 +44,8 @@ const MAX_MEAN_SQUARE: f64 = 30.0;
 const STEPS_PER_JACOBIAN: usize = 4;
 /// Share of what a step promised that it must gain for the derivatives to serve the next.
 const MIN_GAIN_OVER_PROMISE: f64 = 0.8;
-/// Derivatives that replace ones which led astray after less than such a gain, for each round of a fit at most: they
-/// are no rounds, and along a winding valley every second set of derivatives is one of these.
+/// Renewals of the derivatives after a refused step, for each round of a fit at most: they count as no rounds, and in a
+/// winding valley they have no end.
 const MAX_RENEWALS_PER_ROUND: usize = 4;
 /// Gain that new derivatives may still promise when the old ones gain nothing more.
 const MIN_PROMISE_OF_NEW_JACOBIAN: f64 = 0.02;

@@ -67,6 +67,7 @@ pub(crate) mod steps;
 mod taps;
 pub mod tolerance;
 pub mod whole;
+mod with_corrections;
 
 use std::path::Path;
 

@@ -168,8 +168,8 @@ impl FmuLaw {
         self.inputs.iter().any(|(place, _)| *place == variable)
     }
 
-    /// Output for the variables, the states as deviations from their start, and the parameters; not a number where the
-    /// FMU refuses, and [`FmuLaw::problem`] says why.
+    /// Output for the variables, the states `z`, `[states]`, as deviations from their start, and the parameters `p`,
+    /// `[parameters]`, all in the units of the FMU; not a number where the FMU refuses ([`FmuLaw::problem`] says why).
     pub fn value(&self, variables: [f64; VARIABLES.len()], z: &[f64], p: &[f64]) -> f64 {
         let mut value = [0.0];
         let found = self.evaluate(variables, z, p, |model| {
@@ -179,7 +179,8 @@ impl FmuLaw {
         found.unwrap_or(f64::NAN)
     }
 
-    /// States after `step` \[s\] with the variables held, each by the exponential of its own rate.
+    /// States `z`, `[states]`, after `step` \[s\] with the variables held, each by the exponential of its own rate; not
+    /// numbers where the FMU refuses.
     pub fn advance(&self, variables: [f64; VARIABLES.len()], z: &mut [f64], p: &[f64], step: f64) {
         let count = self.states.len();
         if count == 0 {

@@ -230,7 +230,7 @@ impl Reader<'_> {
             let allowed = |place: &usize| port != PortKind::Sensor || *place == 2;
             let Some(place) = place.filter(allowed) else {
                 let known = if port == PortKind::Sensor { "f" } else { "x, v, f" };
-                let problem = format!("inputs = {{ {known} = \"input of the FMU\" }} has no `{name}`");
+                let problem = format!("an input of the FMU can get {known}; there is no `{name}` for one");
                 return Err(self.refuse(input, problem));
             };
             inputs.push((place, input.get_ref().as_str()));

@@ -1,0 +1,76 @@
+//! Effects with corrections of declared parameters: whether they stand in place of the effects that a search without
+//! corrections found.
+
+use super::by_share::{self, ByShare};
+use super::fits::Fits;
+use super::search::Selection;
+use crate::engine::stop;
+
+/// Error of effects beside corrections over that of the effects alone from which on their fit is made again.
+const MAX_ERROR_BESIDE_CORRECTIONS: f64 = 1.05;
+
+/// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
+/// noise or several of them do, which may stand for parameters that are slightly off.
+pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
+    let by_share::Search { fits, judge, settings, .. } = *search;
+    let explained = judge.explained(fits, &exact.best);
+    if explained && (exact.best.added.len() < 2 || !exact.changed.is_empty()) || stop::asked() {
+        return (exact, None);
+    }
+    let mut found = search.run(&exact);
+    if found.is_without_corrections(&exact) {
+        // The fit without them goes on until nothing moves.
+        let mut exact = exact;
+        if !exact.exact {
+            exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
+        }
+        // Corrections make nothing worse: where they seem to, their fit ended short of its optimum.
+        let fell_short = found.selection.best.error > MAX_ERROR_BESIDE_CORRECTIONS * exact.best.error;
+        let again = fell_short.then(|| search.refitted(&found, &exact.best.fit.parameters));
+        found.beside_corrections = Some(again.unwrap_or(found.selection.best));
+        (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
+        return (exact, Some(found));
+    }
+    // A parameter that is off by as much as a correction may be is an effect.
+    let reach = 0.98 * settings.forward_selection.max_tolerances;
+    let known = found.corrections.iter().all(|own| own.moved.abs() < reach * own.tolerance);
+    let fewer = found.selection.effects() < exact.effects();
+    let simpler = known && fewer && are_likelier(fits, &found, &exact);
+    if explained && !(simpler && judge.explained(fits, &found.selection.best)) {
+        return (exact, None);
+    }
+    (found.selection.clone(), Some(found))
+}
+
+/// Whether the corrections beside some effects are likelier than the further effects of a selection that needs none.
+fn are_likelier(fits: &Fits, found: &ByShare, exact: &Selection) -> bool {
+    let parameters = |own: &Selection| -> usize {
+        let of_effects = own.best.added.iter().map(|&c| fits.study.candidates[c].entries.len());
+        of_effects.sum::<usize>() + own.changed.len()
+    };
+    let more = parameters(exact).saturating_sub(parameters(&found.selection)).max(1);
+    let known = found.corrections.iter().filter(|own| own.tolerance > 0.0);
+    let moved: Vec<f64> = known.map(|own| own.moved / own.tolerance).collect();
+    are_cheaper(&moved, more, fits.count(&fits.pieces))
+}
+
+/// Whether parameters that are off, each by so many tolerances, cost less than so many `more` parameters of effects:
+/// their sum of squares against the price of these in the Bayesian information criterion. Several that are all off by
+/// two tolerances stand for one effect that does what they do together.
+fn are_cheaper(moved: &[f64], more: usize, samples: usize) -> bool {
+    let surprise: f64 = moved.iter().map(|own| own * own).sum();
+    surprise <= more as f64 * (samples.max(2) as f64).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_parameters_off_by_two_tolerances_cost_more_than_one_effect() {
+        // ln(30 000) = 10.3.
+        assert!(are_cheaper(&[1.0; 10], 1, 30_000));
+        assert!(!are_cheaper(&[2.1; 6], 1, 30_000));
+        assert!(are_cheaper(&[2.1; 6], 3, 30_000));
+    }
+}
