@@ -203,6 +203,42 @@ def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path):
     assert (tmp_path / "all" / "report.json").read_bytes() == (tmp_path / "one" / "report.json").read_bytes()
 
 
+def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_none_is(tmp_path):
+    whole = report(EXAMPLE, tmp_path / "whole")
+
+    def draw(system, seed, out, *words):
+        result = start("refine", EXAMPLE, "--redraw", system, "--seed", str(seed), *words, "-o", out)
+        assert result.returncode in (0, 10, 11, 12, 13), result.stderr
+        return json.loads((out / "report.json").read_text())
+
+    # Nothing is missing there but what made the residuals, which follows no law.
+    nothing = draw("declared", 1, tmp_path / "declared")
+    assert named(nothing) == [] and nothing["verdict"] in ("none", "unexplained")
+    again = draw(tmp_path / "whole" / "system" / "system.ssd", 1, tmp_path / "again")
+    assert set(named(again)) == {"pole.coulomb", "pole.quaddrag"}
+    for one in whole["effects"]:
+        for name, own in one["params"].items():
+            other = next(e for e in again["effects"] if e["id"] == one["id"])["params"][name]
+            assert other["ci95"][0] <= own["ci95"][1] and own["ci95"][0] <= other["ci95"][1]
+            assert other["value"] != own["value"]
+    for found in (nothing, again):
+        assert any("drawn again, with seed 1" in note for note in found["notes"])
+        assert found.get("study") is None
+    one = draw(tmp_path / "whole" / "system" / "system.ssd", 1, tmp_path / "one", "--threads", "1")
+    assert one == again
+
+
+@pytest.mark.parametrize(
+    "place, system, words",
+    [(EXAMPLE, "nowhere.ssd", ["nowhere.ssd"]), (ROOT / "data" / "rig" / "v01", "declared", ["study.toml", "case.toml"])],
+)
+def test_records_that_cannot_be_drawn_again_are_told(tmp_path, place, system, words):
+    result = start("refine", place, "--redraw", system, "-o", tmp_path / "out")
+    assert result.returncode == 1
+    assert all(word in result.stderr for word in words), result.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_page_of_a_study_has_its_charts(tmp_path):
     found = report(EXAMPLE, tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()

@@ -70,6 +70,11 @@ pub struct Args {
     /// effects check --help`. Files that are no effects are named, and the others are used.
     #[arg(long, value_name = "DIR")]
     pub effects: Option<PathBuf>,
+    /// Search records that are drawn again: the outputs of SYSTEM (`declared`, or the amended system of a report) plus
+    /// blocks of what it leaves of the measured ones, which --seed chooses. Many draws, as a sweep, tell how often an
+    /// effect is named where none is missing, or found again; for a study.
+    #[arg(long, value_name = "SYSTEM")]
+    pub redraw: Option<PathBuf>,
     /// Time for the search (`30 s`, `2 min`); the report then has the best answer so far and says that it is partial.
     #[arg(long, value_name = "TIME", value_parser = budget)]
     pub budget: Option<Duration>,
@@ -133,6 +138,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     if let Some(folder) = &args.effects {
         question.take_effects(folder)?;
     }
+    if let Some(system) = &args.redraw {
+        question.redraw(system, args.seed)?;
+    }
     let results = results_folder(path, &args.output)?;
     let interrupt = Interrupt::new(&args.output, results.made());
     if let Some(time) = args.budget {
@@ -146,8 +154,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         Question::Study(file) => file.name(),
     };
     let study = match &question {
-        Question::Study(file) => relative_path(&file.path, &args.output).ok(),
-        Question::Rig { .. } => None,
+        // Errors on records that are drawn again are not those of its files.
+        Question::Study(file) if args.redraw.is_none() => relative_path(&file.path, &args.output).ok(),
+        Question::Study(_) | Question::Rig { .. } => None,
     };
     let written = Report {
         case: &name,
@@ -265,6 +274,18 @@ impl Question {
             }
         }
         Ok(())
+    }
+
+    /// Draws the records again.
+    fn redraw(&mut self, system: &Path, seed: u64) -> Result<(), Error> {
+        match self {
+            Question::Study(file) => Ok(file.redraw(Some(system).filter(|own| *own != Path::new("declared")), seed)?),
+            Question::Rig { .. } => Err(airloop_refine::Error::Case {
+                path: system.to_owned(),
+                problem: "--redraw draws the records of a study.toml again, not those of a case.toml; describe the system as a study".into(),
+            }
+            .into()),
+        }
     }
 
     fn answer(&self, settings: &Settings, quiet: bool) -> Result<(Answer, Evidence), Error> {

@@ -145,7 +145,7 @@ fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: b
     let rows = if args.adaptive.adaptive { 0.0 } else { ((grid.stop() - grid.start()) / step).ceil() + 1.0 };
     // Once as recorded, once as a table, once as read for the figures.
     let bytes = 3.0 * 8.0 * rows * columns;
-    let free = free_memory();
+    let free = airloop_series::memory::free();
     if !whole || bytes <= free {
         return Ok(());
     }
@@ -158,14 +158,6 @@ fn check_size(graph: &SystemGraph, grid: &master::Grid, args: &RunArgs, whole: b
             gib(free)
         ),
     })
-}
-
-/// Memory that is free \[bytes\]; where the system does not say, without end.
-pub(super) fn free_memory() -> f64 {
-    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
-    let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
-    kib.map_or(f64::INFINITY, |kib| 1024.0 * kib)
 }
 
 fn data<'a>(file: &'a Option<PathBuf>, series: &'a Option<TimeSeries>) -> Option<Data<'a>> {

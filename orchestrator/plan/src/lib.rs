@@ -25,6 +25,7 @@ pub mod recheck;
 pub mod record;
 mod reset;
 pub mod sampling;
+pub mod size;
 pub mod solve;
 pub mod solver;
 pub mod stabilize;

@@ -9,6 +9,7 @@ use super::cycle::Return;
 use super::file::statement::{MeshRefinement, Statement};
 use super::guess::Rough;
 use super::prepare::{Prepared, Setup};
+use super::size;
 use super::task::Task;
 use airloop_ocp::transcription::{
     self, Discretization, Dynamics, Interpolation, IntervalErrors, Link, Mesh, Outcome, PhaseTrajectory,
@@ -203,6 +204,7 @@ impl Session {
         begin: Begin,
         monitor: &mut Monitor,
     ) -> Result<Solved, Error> {
+        size::forecast(&setup.task, settings)?;
         for pass in &settings.passes {
             let sampling = setup.sampling.as_ref();
             let (statement, task) = (&setup.statement, &setup.task);

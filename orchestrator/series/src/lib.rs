@@ -5,9 +5,11 @@
 
 pub mod compound_unit;
 pub mod csv;
+pub mod fails_once;
 pub mod file;
 pub mod frame;
 mod header;
+pub mod memory;
 pub mod random;
 pub mod resample;
 pub mod rows;

@@ -8,6 +8,7 @@ use airloop_cosim::master::embedded::Value;
 use airloop_cosim::system::write::{self, Version};
 use airloop_cosim::system::{self, SystemGraph};
 use airloop_fmi::{Fmu, InterfaceKind};
+use airloop_series::fails_once::FailsOnce;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
@@ -246,7 +247,7 @@ fn documentation(graph: &SystemGraph, recipe: &Recipe, members: &[Member]) -> St
 
 /// Writes the archive; time stamps are the earliest that zip has.
 fn pack(out: impl Write + Seek, members: &[Member]) -> io::Result<()> {
-    let mut zip = ZipWriter::new(out);
+    let mut zip = ZipWriter::new(FailsOnce::new(out));
     for member in members {
         let executable = member.name.contains("binaries/");
         let options = SimpleFileOptions::default()

@@ -5,7 +5,6 @@
 
 pub mod args;
 mod many;
-mod size;
 mod text;
 mod write;
 
@@ -175,12 +174,8 @@ fn search(
     }
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
-    let signals = prepared.task.signals.states.len() + prepared.task.signals.inputs.len();
-    let free = run::free_memory();
-    for pass in &settings.passes {
-        if let Some(much) = size::forecast(pass.transcription, &pass.intervals, signals, free)? {
-            bar.suspend(|| output::to_stderr(&format!("note: {much}")));
-        }
+    if let Some(much) = airloop_plan::size::forecast(&prepared.task, settings)? {
+        bar.suspend(|| output::to_stderr(&format!("note: {much}")));
     }
     let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
     airloop_plan::vacuous::check(&mut prepared, &rough)?;

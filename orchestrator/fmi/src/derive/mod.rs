@@ -195,6 +195,7 @@ fn fingerprint(
 
 /// Writes the archive next to its final place and moves it there; time stamps are the earliest that zip has.
 fn write(out: &Path, members: &[Member]) -> Result<(), DeriveError> {
+    use airloop_series::fails_once::FailsOnce;
     use std::io::Write;
     use zip::write::SimpleFileOptions;
     use zip::{CompressionMethod, DateTime, ZipWriter};
@@ -202,7 +203,7 @@ fn write(out: &Path, members: &[Member]) -> Result<(), DeriveError> {
     let failed = |source| DeriveError::File { path: out.to_owned(), source };
     airloop_series::file::make_folder_of(out).map_err(failed)?;
     airloop_series::file::write_whole(out, |file| {
-        let mut zip = ZipWriter::new(file);
+        let mut zip = ZipWriter::new(FailsOnce::new(file));
         for member in members {
             let executable = member.path.starts_with("binaries/");
             let options = SimpleFileOptions::default()

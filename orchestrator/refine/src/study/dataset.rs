@@ -169,6 +169,7 @@ pub fn read(folder: &Path) -> Result<File, Error> {
         declaration,
         notes: vec![note],
         effects: Vec::new(),
+        redrawn: None,
     })
 }
 

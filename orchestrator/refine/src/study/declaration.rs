@@ -358,6 +358,8 @@ pub struct File {
     pub notes: Vec<String>,
     /// Effects of one's own that are looked for as well.
     pub effects: Vec<std::sync::Arc<crate::vocabulary::Own>>,
+    /// Outputs in place of the measured ones.
+    pub redrawn: Option<std::sync::Arc<super::redrawn::Redrawn>>,
 }
 
 impl File {
@@ -377,7 +379,26 @@ impl File {
             }
         })?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-        Ok(File { path: path.into(), text, folder, declaration, notes: Vec::new(), effects: Vec::new() })
+        Ok(File {
+            path: path.into(),
+            text,
+            folder,
+            declaration,
+            notes: Vec::new(),
+            effects: Vec::new(),
+            redrawn: None,
+        })
+    }
+
+    /// Draws the records again, see [`Redrawn::draw`](super::redrawn::Redrawn::draw).
+    ///
+    /// # Errors
+    /// A study that cannot be simulated.
+    pub fn redraw(&mut self, system: Option<&Path>, seed: u64) -> Result<(), Error> {
+        let redrawn = super::redrawn::Redrawn::draw(self, system, seed)?;
+        self.notes.push(redrawn.note.clone());
+        self.redrawn = Some(std::sync::Arc::new(redrawn));
+        Ok(())
     }
 
     /// Name of the study: as declared, or that of its folder.

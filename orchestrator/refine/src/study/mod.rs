@@ -11,7 +11,8 @@
 //!
 //! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
 //! in addition to corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the
-//! engine. [`answer`] puts the result into words, [`replay`] simulates another system on the same records. The rig of
+//! engine. [`answer`] puts the result into words, [`replay`] simulates another system on the same records, [`redrawn`]
+//! makes records of it. The rig of
 //! the vocabulary, whose sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
@@ -50,6 +51,7 @@ pub mod ports;
 mod predicted;
 pub mod prepared;
 pub mod read;
+pub mod redrawn;
 mod remarks;
 pub mod remembered;
 pub mod replay;

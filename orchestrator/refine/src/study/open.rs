@@ -445,6 +445,9 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         failure: Mutex::default(),
         graph,
     };
+    if let Some(redrawn) = &file.redrawn {
+        redrawn.replace(&mut study);
+    }
     study.begins = begins(&study);
     Ok((study, attachments))
 }

@@ -59,14 +59,12 @@ pub struct Replay {
 /// record.
 pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Replay, Error> {
     let file = with_system(file, system)?;
-    let (mut study, _) = open(&file)?;
-    study.substeps = integration::substeps(&study);
-    study.unobservable = observability::unobservable(&study);
+    let mut study = opened(&file)?;
     if let Some(beginning) = beginning {
         free_run(&file, &mut study, beginning)?;
     }
     let fits = Fits::new(&study, study.outputs.iter().map(|output| output.noise).collect());
-    let p = if study.declared > 0 { fits.declared().fit.parameters } else { study.start() };
+    let p = declared(&fits);
     let samples = |piece: &Piece| beginning.map(|time| first_samples(&study, piece, time));
     let initial = |pieces: &[Piece]| {
         let fitted: Vec<Piece> = pieces
@@ -85,25 +83,16 @@ pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Repl
     };
     let roles = [of_role(Role::Estimation), of_role(Role::Validation)];
     let mut records = Vec::new();
-    for role in [Role::Estimation, Role::Validation, Role::Repeat, Role::Rest] {
+    for role in ROLES {
         for piece in pieces(&study, role) {
             let record = &study.records[piece.record];
             let own = [piece];
             let locals = initial(&own);
-            let view = View { corrected: false, ..fits.view(&[], &own) };
-            let (predicted, measured) = (view.predict(0, &p, &locals[0]), view.measured(0));
-            if let Some(at) = predicted.iter().position(|value| !value.is_finite()) {
-                let diverges = || format!("it diverges after {:.3} s", (at % record.n) as f64 * record.step);
-                return Err(file.refuse_all(format!(
-                    "the system cannot be simulated on {}: {}",
-                    record.name,
-                    study.failure().unwrap_or_else(diverges)
-                )));
-            }
+            let (predicted, measured) = on_record(&file, &fits, &own, &p, &locals[0])?;
             let refused = |error: airloop_series::Error| file.refuse_all(format!("{}: {error}", record.name));
             let time = (0..record.n).map(|k| k as f64 * record.step).collect();
             let mut series = TimeSeries::new(time).map_err(refused)?;
-            for (span, output) in view.signals(0).into_iter().zip(&study.outputs) {
+            for (span, output) in fits.view(&[], &own).signals(0).into_iter().zip(&study.outputs) {
                 let unit = Some(output.unit.clone());
                 let simulated = format!("{} simulated", span.signal);
                 let values = measured[span.range.clone()].to_vec();
@@ -115,6 +104,84 @@ pub fn replay(file: &File, system: &Path, beginning: Option<f64>) -> Result<Repl
         }
     }
     Ok(Replay { errors: roles, records })
+}
+
+/// A record as a system gives it, and as it was measured.
+#[derive(Debug, Clone)]
+pub(super) struct Simulated {
+    /// Name of the record.
+    pub record: String,
+    /// Use of the record.
+    pub role: Role,
+    /// Number of outputs.
+    pub outputs: usize,
+    /// Samples from one restart of the simulation to the next.
+    pub window: Option<usize>,
+    /// Outputs one after the other.
+    pub predicted: Vec<f64>,
+    /// As `predicted`.
+    pub measured: Vec<f64>,
+}
+
+/// All records as `system` gives them (none: the declared one with its free parameters fitted), initial states fitted
+/// where the study says so.
+///
+/// # Errors
+/// Those of [`replay`].
+pub(super) fn simulated(file: &File, system: Option<&Path>) -> Result<Vec<Simulated>, Error> {
+    let file = system.map_or_else(|| Ok(file.clone()), |system| with_system(file, system))?;
+    let study = opened(&file)?;
+    let fits = Fits::new(&study, study.outputs.iter().map(|output| output.noise).collect());
+    let p = declared(&fits);
+    let own = ROLES.into_iter().flat_map(|role| pieces(&study, role));
+    own.map(|piece| {
+        let record = &study.records[piece.record];
+        let own = [piece];
+        let locals = initial(&fits, &[], &own, &p);
+        let (predicted, measured) = on_record(&file, &fits, &own, &p, &locals[0])?;
+        let window = study.windows.map(|window| ((window / record.step).round() as usize).max(2));
+        let (name, outputs) = (record.name.clone(), study.outputs.len());
+        Ok(Simulated { record: name, role: record.role, outputs, window, predicted, measured })
+    })
+    .collect()
+}
+
+/// Uses of records in the order in which they are told.
+const ROLES: [Role; 4] = [Role::Estimation, Role::Validation, Role::Repeat, Role::Rest];
+
+/// A study with its steps of integration, no candidates.
+fn opened(file: &File) -> Result<Study, Error> {
+    let (mut study, _) = open(file)?;
+    study.substeps = integration::substeps(&study);
+    study.unobservable = observability::unobservable(&study);
+    Ok(study)
+}
+
+/// Parameter vector of the declared model, what it has free fitted.
+fn declared(fits: &Fits) -> Vec<f64> {
+    if fits.study.declared > 0 { fits.declared().fit.parameters } else { fits.study.start() }
+}
+
+/// Outputs of a record as simulated and as measured, one after the other.
+fn on_record(
+    file: &File,
+    fits: &Fits,
+    own: &[Piece; 1],
+    p: &[f64],
+    locals: &[f64],
+) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let record = &fits.study.records[own[0].record];
+    let view = View { corrected: false, ..fits.view(&[], own) };
+    let (predicted, measured) = (view.predict(0, p, locals), view.measured(0));
+    if let Some(at) = predicted.iter().position(|value| !value.is_finite()) {
+        let diverges = || format!("it diverges after {:.3} s", (at % record.n) as f64 * record.step);
+        return Err(file.refuse_all(format!(
+            "the system cannot be simulated on {}: {}",
+            record.name,
+            fits.study.failure().unwrap_or_else(diverges)
+        )));
+    }
+    Ok((predicted, measured))
 }
 
 /// Samples of a record in the first `time` \[s\] of it.

@@ -109,6 +109,9 @@ fn page(manifest: &Manifest, plan: &PlanFile, columns: &[Values]) -> Page {
         groups && (1..=MAX_GROUPS).contains(&counts(&one.texts).len())
     };
     tables.extend(inner.iter().filter(is_group).map(|one| groups(one, &numbers)));
+    for factor in factors.iter().filter(is_group) {
+        tables.extend(results.iter().filter(is_group).map(|outcome| crossed(factor, outcome)));
+    }
     if plan.sample.as_ref().is_some_and(|sample| sample.method == Method::Saltelli) {
         tables.extend(numbers.iter().filter_map(|quantity| sobol_indices(quantity, factors)));
     }
@@ -188,10 +191,15 @@ fn failures(status: &[String], causes: &[String]) -> Vec<String> {
     sorted.into_iter().map(line).collect()
 }
 
+/// A number for a table; a dash where there is none.
+fn number(value: f64) -> String {
+    if value.is_finite() { short(value) } else { "-".into() }
+}
+
 fn quantities(numbers: &[&Values]) -> Table {
     let row = |one: &&Values| {
         let all = statistics::Statistics::of(&one.numbers);
-        let values = [all.min, all.median, all.mean, all.max, all.deviation].map(short);
+        let values = [all.min, all.median, all.mean, all.max, all.deviation].map(number);
         [one.column.title(), all.count.to_string()].into_iter().chain(values).collect()
     };
     Table {
@@ -222,6 +230,27 @@ fn sobol_indices(quantity: &Values, factors: &[Values]) -> Option<Table> {
     })
 }
 
+/// Number of tasks with each outcome for each value of a factor, both texts.
+fn crossed(factor: &Values, outcome: &Values) -> Table {
+    let outcomes: Vec<&str> = counts(&outcome.texts).into_keys().collect();
+    let row = |text: &str| {
+        let tasks = |wanted: &str| {
+            let both = factor.texts.iter().zip(&outcome.texts);
+            both.filter(|(own, found)| *own == text && *found == wanted).count().to_string()
+        };
+        let none = std::iter::once(tasks(""));
+        let numbers = outcomes.iter().map(|wanted| tasks(wanted)).chain(none);
+        std::iter::once(text.to_owned()).chain(numbers).collect()
+    };
+    let header =
+        std::iter::once(factor.column.name.as_str()).chain(outcomes.iter().copied()).chain(["no value"]);
+    Table {
+        heading: format!("{} by {}", outcome.column.name, factor.column.name),
+        header: header.map(str::to_owned).collect(),
+        rows: counts(&factor.texts).into_keys().map(row).collect(),
+    }
+}
+
 /// Number of tasks and mean of every quantity for each value of a text column.
 fn groups(group: &Values, numbers: &[&Values]) -> Table {
     let header = [group.column.name.clone(), "tasks".into()].into_iter();
@@ -229,7 +258,7 @@ fn groups(group: &Values, numbers: &[&Values]) -> Table {
     let row = |(text, count): (&str, usize)| {
         let mean = |one: &&Values| {
             let own = one.numbers.iter().zip(&group.texts).filter(|(_, own)| *own == text);
-            short(statistics::Statistics::of(&own.map(|(number, _)| *number).collect::<Vec<_>>()).mean)
+            number(statistics::Statistics::of(&own.map(|(number, _)| *number).collect::<Vec<_>>()).mean)
         };
         [text.to_owned(), count.to_string()].into_iter().chain(numbers.iter().map(mean)).collect()
     };

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use airloop_series::fails_once::FailsOnce;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
@@ -92,7 +93,7 @@ impl Package {
     pub fn write(&self, out: impl Write + Seek) -> io::Result<()> {
         let options =
             SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o644);
-        let mut zip = ZipWriter::new(out);
+        let mut zip = ZipWriter::new(FailsOnce::new(out));
         for (name, text) in &self.texts {
             zip.start_file(name.as_str(), options.compression_method(CompressionMethod::Deflated))?;
             zip.write_all(text.as_bytes())?;

@@ -5,6 +5,7 @@ use std::io;
 use std::path::Path;
 
 use airloop_fmi::Fmu;
+use airloop_series::fails_once::FailsOnce;
 use zip::write::SimpleFileOptions;
 use zip::{DateTime, ZipWriter};
 
@@ -12,7 +13,7 @@ use zip::{DateTime, ZipWriter};
 pub(super) fn pack(fmu: &Fmu, out: &Path) -> io::Result<()> {
     let options =
         SimpleFileOptions::default().last_modified_time(DateTime::default()).unix_permissions(0o755);
-    let mut zip = ZipWriter::new(File::create(out)?);
+    let mut zip = ZipWriter::new(FailsOnce::new(File::create(out)?));
     // The description first, where readers look for it.
     let mut files: Vec<&String> = fmu.files().iter().collect();
     files.sort_by_key(|name| (name.as_str() != "modelDescription.xml", name.as_str()));
