@@ -25,14 +25,12 @@ def _path():
 
 
 class Cluster:
-    """To be used in a ``with`` block."""
+    """Started when it is made, stopped by :meth:`close`."""
 
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="airloop-slurm-"))
         self.processes = {}
         self.environment = dict(os.environ, PATH=_path(), SLURM_CONF=str(self.folder / "slurm.conf"))
-
-    def __enter__(self):
         try:
             self._munge()
             self._configure()
@@ -42,11 +40,11 @@ class Cluster:
                 self._start(node, ["slurmd", "-D", "-N", node])
             self.wait(lambda: self.states().count("idle") == len(NODES), "all nodes are idle", 60)
         except BaseException:
-            self.__exit__(None, None, None)
+            self.close()
             raise
-        return self
 
-    def __exit__(self, *_):
+    def close(self):
+        """Ends its daemons and removes its folder."""
         for name in reversed(list(self.processes)):
             process = self.processes.pop(name)
             process.terminate()

@@ -205,7 +205,7 @@ pub struct RunArgs {
     pub output_step: Option<f64>,
     /// Save the states of all FMUs at this interval of real time, e.g. 60s or 10min, and where the run is interrupted,
     /// for --restart-from. For masters with a fixed --step and FMUs that can serialize their states.
-    #[arg(long, value_parser = super::export::parse_step, value_name = "TIME", allow_hyphen_values = true, conflicts_with = "study")]
+    #[arg(long, value_parser = super::restart::parse_interval, value_name = "TIME", allow_hyphen_values = true, conflicts_with = "study")]
     pub save_states: Option<f64>,
     /// Continue a run from the states that it saved last (--save-states), whatever ended it: its folder, or its file
     /// result.states.json (result.partial.states.json of a run that was killed) with the rows beside it. The other

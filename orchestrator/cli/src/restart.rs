@@ -22,6 +22,18 @@ pub const PARTIAL_ROWS: &str = "result.partial.csv";
 /// States of a run that goes on, or was killed.
 const PARTIAL_STATES: &str = "result.partial.states.json";
 
+/// Longest time between two savings of states \[s\].
+const MAX_INTERVAL: f64 = 1e9;
+
+/// Time between two savings of states \[s\], of the command line.
+///
+/// # Errors
+/// It is no time, or too long.
+pub fn parse_interval(text: &str) -> Result<f64, String> {
+    let interval = super::export::parse_step(text)?;
+    if interval <= MAX_INTERVAL { Ok(interval) } else { Err(format!("allowed are at most {MAX_INTERVAL:e} s")) }
+}
+
 /// Earlier part of a run that is continued.
 #[derive(Debug)]
 pub struct Earlier {

@@ -101,6 +101,12 @@ pub fn install() {
             libc::signal(signal, crashed as *const () as libc::sighandler_t);
         }
     }
+    // A file that may not grow further (`ulimit -f`) is an error of its writer.
+    // SAFETY: no handler is involved.
+    #[cfg(unix)]
+    unsafe {
+        libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
+    }
     // SAFETY: the handler neither panics nor unwinds.
     unsafe {
         libc::atexit(exited);

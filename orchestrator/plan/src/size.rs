@@ -1,4 +1,4 @@
-//! Memory that a program needs, said before it is built.
+//! Memory that a program needs, and length of its command, said before it is built.
 
 use airloop_ocp::transcription::Transcription;
 use airloop_series::memory;
@@ -13,6 +13,24 @@ use super::task::Task;
 const BYTES_PER_SQUARE: [f64; 2] = [620.0, 390.0];
 /// From here on it is said \[bytes\].
 const WORTH_SAYING: f64 = 1e9;
+
+/// Most samples of a command.
+const MAX_SAMPLES: f64 = 1e7;
+
+/// Refuses a motion whose command would be too long as a table: its duration and the step of the table \[s\].
+///
+/// # Errors
+/// The number of samples, and what to change.
+pub fn check_samples(duration: f64, step: f64) -> Result<(), Error> {
+    let samples = duration / step;
+    if samples <= MAX_SAMPLES {
+        return Ok(());
+    }
+    let problem = format!(
+        "a motion of {duration} s is a command of {samples:.1e} samples, one every {step} s; more than {MAX_SAMPLES:e} are not written: give a shorter duration, or a longer sample_time"
+    );
+    Err(Error::Place { place: "duration".into(), problem })
+}
 
 /// A sentence on the memory that the largest mesh of the settings needs at least, where it is much.
 ///
@@ -50,6 +68,14 @@ fn told(bytes: f64, count: usize, free: f64) -> Result<String, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_command_without_end_is_refused() {
+        assert!(check_samples(2.0, 0.001).is_ok());
+        let refused = check_samples(1e9, 0.001).unwrap_err().to_string();
+        assert!(refused.contains("a motion of 1000000000 s is a command of 1.0e12 samples"), "{refused}");
+        assert!(check_samples(f64::NAN, 0.001).is_err());
+    }
 
     #[test]
     fn what_does_not_fit_is_refused() {

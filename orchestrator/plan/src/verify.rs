@@ -27,9 +27,10 @@ impl Command<'_> {
     /// The command at times that step from the start to the end, each value held until the next.
     ///
     /// # Errors
-    /// [`Error::Series`] when there are no such times.
+    /// [`Error::Series`] when there are no such times; [`Error::Place`] when there are too many.
     pub fn sampled(&self, catalog: &Catalog, step: f64) -> Result<TimeSeries, Error> {
         let (start, end) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        super::size::check_samples(end - start, step)?;
         let count = ((end - start) / step * (1.0 + 1e-12) + 1e-9).floor() as usize;
         let mut time: Vec<f64> = (0..=count).map(|k| start + k as f64 * step).collect();
         if end - time[count] > 1e-9 * step {

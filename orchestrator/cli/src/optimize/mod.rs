@@ -178,6 +178,7 @@ fn search(
         bar.suspend(|| output::to_stderr(&format!("note: {much}")));
     }
     let rough = guess::guess(&prepared.statement, &prepared.catalog, &prepared.task, choice)?;
+    airloop_plan::size::check_samples(rough.durations.iter().sum(), write::step(&prepared))?;
     airloop_plan::vacuous::check(&mut prepared, &rough)?;
     let loaded = began.elapsed();
     if let Some(count) = args.multistart {
@@ -331,8 +332,7 @@ fn roll_out(prepared: &Prepared, solved: &Solved, stop: &Arc<AtomicBool>) -> Res
     let verification = &prepared.statement.verification;
     let said = verification.step.as_ref();
     let said = said.map(|step| airloop_plan::task::seconds(&prepared.statement.source, step)).transpose()?;
-    let step =
-        said.or(prepared.sampling.as_ref().map(|sampling| sampling.sample_time)).unwrap_or(DEFAULT_STEP);
+    let step = said.unwrap_or_else(|| write::step(prepared));
     let options = verify::Options { master: verification.master, step, tolerance: verification.tolerance };
     let first = &solved.trajectory().phases[0];
     let states = (&prepared.task.signals.states[..], &first.states[0][..]);

@@ -96,6 +96,11 @@ pub struct Results<'a> {
     pub plots: bool,
 }
 
+/// Step \[s\] of the command: the sample time, or a millisecond.
+pub fn step(prepared: &Prepared) -> f64 {
+    prepared.sampling.as_ref().map_or(super::DEFAULT_STEP, |sampling| sampling.sample_time)
+}
+
 impl Results<'_> {
     /// Writes everything but the figures for `folder`; gives the summary, and the files that are still to be put there.
     ///
@@ -104,7 +109,7 @@ impl Results<'_> {
     pub fn write(&self, folder: &Path) -> Result<(Summary, folder::Results), Error> {
         let plan = self.solved.trajectory();
         let trajectory = table::trajectory(self.prepared, plan)?;
-        let step = self.step();
+        let step = step(self.prepared);
         let catalog = &self.prepared.catalog;
         let command = table::with_command(self.prepared, plan, |command| command.sampled(catalog, step))?;
         let mut tables = vec![(TRAJECTORY, trajectory), (COMMAND, command)];
@@ -146,11 +151,6 @@ impl Results<'_> {
         }
         iterations(&self.solved.done, &folder.join(ITERATIONS))?;
         Ok((summary, results))
-    }
-
-    /// Step of the command: the sample time, or a millisecond.
-    fn step(&self) -> f64 {
-        self.prepared.sampling.as_ref().map_or(super::DEFAULT_STEP, |sampling| sampling.sample_time)
     }
 
     fn summary(&self, files: &[&str], more: Vec<String>) -> Summary {

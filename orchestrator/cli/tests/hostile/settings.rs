@@ -40,6 +40,7 @@ pub fn cases() -> Vec<Case> {
         "--stop 1 --step 1ms --output-step -1",
         "--stop 1 --step 1ms --output-step 0.5ms",
         "--stop 1 --step 1ms --save-states 0",
+        "--stop 1 --step 1ms --save-states 1e308",
         "--stop 1 --step 1ms --master monolithic --save-states 1s",
         "--stop 1 --step 1ms --restart-from none",
         "--stop 1 --step 1ms --restart-from r.csv",
