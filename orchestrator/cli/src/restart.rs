@@ -31,7 +31,11 @@ const MAX_INTERVAL: f64 = 1e9;
 /// It is no time, or too long.
 pub fn parse_interval(text: &str) -> Result<f64, String> {
     let interval = super::export::parse_step(text)?;
-    if interval <= MAX_INTERVAL { Ok(interval) } else { Err(format!("allowed are at most {MAX_INTERVAL:e} s")) }
+    if interval <= MAX_INTERVAL {
+        Ok(interval)
+    } else {
+        Err(format!("allowed are at most {MAX_INTERVAL:e} s"))
+    }
 }
 
 /// Earlier part of a run that is continued.

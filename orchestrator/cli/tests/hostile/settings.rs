@@ -70,6 +70,7 @@ pub fn cases() -> Vec<Case> {
             "chirp --amplitude 1 --band 1..5 --duration 10s --step 1e-9",
             "multisine --amplitude 1 --band 0.00001..499 --duration 90000s",
             "multisine --amplitude 1 --band 0.01..499 --duration 100s --period 1000s",
+            "multisine --amplitude 1 --band 0.1..10 --duration 10s --period 1e308",
             "prbs --amplitude 1 --clock 0 --order 7 --duration 10s",
             "prbs --amplitude 1 --clock 10ms --order 99 --duration 10s",
         ]

@@ -7,6 +7,9 @@ use super::fourier::transform;
 use super::{Band, Error, check};
 use airloop_series::random::Random;
 
+/// Largest multiple of the inverse of the period: phases are found in a table of eight times as many samples.
+const MAX_HARMONIC: f64 = 4e6;
+
 /// Random starts; the best of them is another signal for another seed.
 const STARTS: usize = 8;
 /// Rounds of clipping per start.
@@ -26,6 +29,9 @@ pub(super) fn samples(
     seed: u64,
 ) -> Result<Vec<f64>, Error> {
     let (low, high) = (band.start.min(band.end), band.start.max(band.end));
+    check("the period", period, "s", high * period <= MAX_HARMONIC, || {
+        format!("with a band up to {high} Hz at most {:.3e} s", MAX_HARMONIC / high)
+    })?;
     let harmonics =
         ((low * period - 1e-9).ceil().max(1.0) as usize)..=((high * period + 1e-9).floor() as usize);
     check("the period", period, "s", !harmonics.is_empty(), || {
