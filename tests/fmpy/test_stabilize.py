@@ -172,6 +172,21 @@ def test_the_controller_follows_its_table(stabilized, tmp_path):
     assert reached > 10
 
 
+def test_the_closed_loop_as_one_fmu_is_the_plan_where_the_feedback_is_off(plan, stabilized, closed_loop, tmp_path):
+    def exported(name, *words):
+        airloop("export-fmu", stabilized / "closed_loop.ssd", "--step", "1ms", *words, "-o", tmp_path / name)
+        return fmpy.simulate_fmu(str(tmp_path / name), stop_time=2.0, output_interval=STEP)
+
+    closed = exported("closed.fmu")
+    for name in ("x", "theta"):
+        assert np.array_equal(closed[name], closed_loop[name][: len(closed)]), name
+    # After a step FMPy reads what was held over it.
+    held = len(closed) - 1
+    assert np.array_equal(closed["u"][1:], closed_loop["u"][:held])
+    played = exported("plan.fmu", "--set", "controller.feedback=false")
+    assert np.array_equal(played["u"][1:], table(plan / "command.csv")["u"][:held])
+
+
 def test_the_closed_loop_is_valid_ssp(stabilized):
     schema = etree.XMLSchema(etree.parse(str(SCHEMAS / "SystemStructureDescription.xsd")))
     schema.assertValid(etree.parse(str(stabilized / "closed_loop.ssd")))
