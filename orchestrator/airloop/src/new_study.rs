@@ -108,10 +108,15 @@ pub fn write(request: &Request) -> Result<(PathBuf, Vec<String>), crate::Error> 
             return Err(Error::Present { file: copy }.into());
         }
         if !same {
-            std::fs::copy(path, &copy).map_err(problem)?;
+            let write =
+                |source: std::io::Error| Error::Write { file: copy.clone(), problem: source.to_string() };
+            let mut record = airloop_series::file::open(path).map_err(write)?;
+            airloop_series::file::write_whole(&copy, |out| std::io::copy(&mut record, out).map(drop))
+                .map_err(write)?;
         }
     }
-    std::fs::write(&file, text).map_err(problem)?;
+    airloop_series::file::write_whole(&file, |out| std::io::Write::write_all(out, text.as_bytes()))
+        .map_err(problem)?;
     airloop_refine::study::find(&file)?;
     let unused =
         matched.unused.iter().map(|name| format!("the column `{name}` belongs to no signal of the system"));

@@ -35,6 +35,17 @@ struct Move {
     earlier: BTreeSet<String>,
 }
 
+impl Move {
+    /// Whether all names lie inside of the folder, as those that a command wrote do.
+    fn is_inside(&self) -> bool {
+        let inside = |name: &String| {
+            let mut parts = Path::new(name).components().peekable();
+            parts.peek().is_some() && parts.all(|part| matches!(part, std::path::Component::Normal(_)))
+        };
+        self.files.iter().chain(&self.earlier).all(inside)
+    }
+}
+
 /// New results of a command on their way into its folder. Dropped without [`Results::commit`], nothing changes.
 #[derive(Debug)]
 pub struct Results {
@@ -231,6 +242,13 @@ fn finish_or_sweep(folder: &Path, stages: &Path, prefix: &str) -> Result<(), Err
         } else if name.starts_with(prefix) {
             let complete = std::fs::read(path.join(COMPLETE)).ok();
             match complete.and_then(|text| serde_json::from_slice::<Move>(&text).ok()) {
+                Some(change) if !change.is_inside() => {
+                    let problem = format!(
+                        "{} names files outside of the folder, which no command does; remove it",
+                        path.join(COMPLETE).display()
+                    );
+                    return Err(Error::OutputFolder { folder: folder.into(), problem });
+                }
                 Some(change) => place(folder, &path, &change).map_err(refused)?,
                 None => drop(std::fs::remove_dir_all(&path)),
             }
@@ -471,6 +489,24 @@ mod tests {
         assert_eq!(std::fs::read_to_string(folder.join("result.csv")).unwrap(), "1");
         assert_eq!(std::fs::read_to_string(folder.join("new-results-1/x.svg")).unwrap(), "2");
         assert!(check(folder, &[], &["x.svg".into()]).is_err());
+    }
+
+    #[test]
+    fn a_move_that_leads_out_of_the_folder_is_refused() {
+        let parent = tempfile::tempdir().unwrap();
+        let (folder, theirs) = (parent.path().join("out"), parent.path().join("thesis.txt"));
+        let stage = folder.join(".airloop-new-1");
+        std::fs::create_dir_all(&stage).unwrap();
+        std::fs::write(&theirs, "theirs").unwrap();
+        for name in ["../thesis.txt", "", "a/../../thesis.txt", theirs.to_str().unwrap()] {
+            let list = || std::iter::once(name.to_owned()).collect();
+            for (files, earlier) in [(list(), BTreeSet::new()), (BTreeSet::new(), list())] {
+                airloop_series::file::write_json(&stage.join(COMPLETE), &Move { files, earlier }).unwrap();
+                let message = write(&folder, &["result.csv"], "1").unwrap_err().to_string();
+                assert!(message.contains("outside of the folder"), "{name}: {message}");
+                assert_eq!(std::fs::read_to_string(&theirs).unwrap(), "theirs");
+            }
+        }
     }
 
     #[test]

@@ -12,8 +12,8 @@ use airloop_fmi::check::{self, Finding, Severity};
 use airloop_fmi::isolate::{cause, confine, end};
 use airloop_fmi::{Fmu, trace};
 
-/// Files in the folder that both processes share: findings, one in a line, the last call, and a sign that all checks
-/// ended.
+/// Files in the folder that both processes share: findings, one in a line, the last call, and the number of findings
+/// once all checks ended.
 const FINDINGS: &str = "findings.jsonl";
 const CALL: &str = "call";
 const DONE: &str = "done";
@@ -34,19 +34,21 @@ pub fn work(file: &Path, folder: &Path) -> Result<(), Error> {
         move |source| airloop_cosim::system::Error::Io { file, source }
     };
     let (call, result) = (folder.join(CALL), folder.join(FINDINGS));
+    airloop_fmi::last_words::end_copies();
     trace::write_calls_to(&call).map_err(io(&call))?;
     let mut output = std::fs::File::create(&result).map_err(io(&result))?;
-    let mut outcome = Ok(());
+    let (mut outcome, mut count) = (Ok(()), 0_usize);
     check::dynamic_findings_in_parts(&Fmu::open(file)?, &mut |findings| {
         for finding in findings {
             let line = serde_json::to_string(&finding).unwrap_or_default();
             let written = writeln!(output, "{line}");
+            count += 1;
             outcome = std::mem::replace(&mut outcome, Ok(())).and(written);
         }
     });
     outcome.map_err(io(&result))?;
     let done = folder.join(DONE);
-    std::fs::write(&done, "").map_err(io(&done))?;
+    std::fs::write(&done, count.to_string()).map_err(io(&done))?;
     Ok(())
 }
 
@@ -85,8 +87,20 @@ pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Fin
     // The last line may be cut off.
     let mut found: Vec<Finding> =
         written.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    let is_done = folder.path().join(DONE).exists();
-    if is_done && status.is_some_and(|status| status.success()) {
+    let count = std::fs::read_to_string(folder.path().join(DONE)).ok();
+    let count = count.and_then(|count| count.parse::<usize>().ok());
+    let is_done = count.is_some();
+    if let Some(count) = count
+        && status.is_some_and(|status| status.success())
+    {
+        if found.len() < count {
+            let message = format!(
+                "{} of {count} findings came out of the process of the FMU: the library closed or replaced its files",
+                found.len()
+            );
+            let element = "files of the process".into();
+            found.push(Finding { severity: Severity::Error, rule: "findings-lost".into(), element, message });
+        }
         return Ok(found);
     }
     let element = match trace::last_call(&folder.path().join(CALL)) {

@@ -224,10 +224,16 @@ fn plan(path: &Path) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Longest time of a search \[s\].
+const MAX_BUDGET: f64 = 1e9;
+
 /// A time limit of the command line.
 fn budget(text: &str) -> Result<Duration, String> {
     let seconds = parse_duration(text).map_err(|error| error.to_string())?;
-    Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
+    if !(seconds > 0.0 && seconds <= MAX_BUDGET) {
+        return Err(format!("allowed are more than 0 s, at most {MAX_BUDGET:e} s"));
+    }
+    Ok(Duration::from_secs_f64(seconds))
 }
 
 /// A setting of the command line.

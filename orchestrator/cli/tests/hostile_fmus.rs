@@ -139,6 +139,27 @@ fn other_faults_end_with_their_own_words_or_do_no_harm() {
 }
 
 #[test]
+fn copies_of_the_process_that_a_library_makes_change_nothing() {
+    let place = Place::new(Version::Two);
+    let rows = || std::fs::read(place.path("out/result.csv")).unwrap();
+    assert!(place.run("", &[]).status.success());
+    let alone = rows();
+    for fault in ["fmi2DoStep:copy:0.2", "fmi2GetReal:copy:0.5", "fmi2Instantiate:copy", "load:copy"] {
+        let (code, said) = place.isolated(fault, &[]);
+        assert_eq!((code, rows() == alone), (Some(0), true), "{fault}: {said}");
+        let output = place.run(fault, &[]);
+        assert_eq!((output.status.code(), rows() == alone), (Some(0), true), "{fault}, in the program");
+    }
+    let findings = |fault: &str| {
+        let output = place.airloop(fault, &["inspect", "--check", "m.fmu"]);
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    assert_eq!(findings("fmi2DoStep:copy"), findings(""));
+    let lost = findings("fmi2DoStep:nowhere");
+    assert!(lost.contains("[findings-lost]") && lost.contains("0 of"), "{lost}");
+}
+
+#[test]
 fn an_fmu_in_a_worker_gives_the_same_bytes() {
     let place = Place::new(Version::Two);
     for master in ["gauss-seidel", "jacobi", "monolithic"] {

@@ -470,6 +470,30 @@ fn of_two_submissions_to_a_cluster_one_is_refused() {
 }
 
 #[test]
+fn files_of_the_user_are_not_replaced_by_results() {
+    let place = Place::new(PLAN);
+    place.succeeds("plan plan.toml -o out");
+    place.succeeds("run out");
+    for name in ["results.csv", "results.parquet", "summary.json"] {
+        let path = place.0.path().join("out").join(name);
+        std::fs::write(&path, "theirs").unwrap();
+        let message = place.fails("merge out", 1);
+        assert!(message.contains(name) && message.contains("would be replaced"), "{message}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "theirs");
+        std::fs::remove_file(path).unwrap();
+    }
+    place.succeeds("merge out");
+    place.succeeds("merge out");
+    let page = place.0.path().join("out/index.html");
+    std::fs::write(&page, "theirs").unwrap();
+    let message = place.fails("report out", 1);
+    assert!(message.contains("index.html") && message.contains("would be replaced"), "{message}");
+    std::fs::remove_file(page).unwrap();
+    place.succeeds("report out");
+    place.succeeds("report out");
+}
+
+#[test]
 fn shards_are_as_many_as_their_time_makes() {
     let place = Place::new(PLAN);
     let short = place.succeeds("plan plan.toml --shard-time 1us -o short");

@@ -53,7 +53,34 @@ pub(crate) fn enter(label: &Label, function: &'static str) {
 /// The call came back, or was not made: this thread is in no call.
 #[inline(always)]
 pub fn leave() {
+    end_if_copy();
     IN_CALL.set(None);
+}
+
+/// Whether this process is a copy that a library made of its process.
+static IS_COPY: AtomicBool = AtomicBool::new(false);
+
+extern "C" fn copied() {
+    IS_COPY.store(true, Ordering::Relaxed);
+}
+
+/// From now on a copy of this process that a library makes (`fork`) ends where it comes back out of the library: it
+/// would go on with the work of this process a second time.
+pub fn end_copies() {
+    // SAFETY: the handler stores a word.
+    #[cfg(unix)]
+    unsafe {
+        libc::pthread_atfork(None, None, Some(copied));
+    }
+}
+
+/// Ends this process without a word if it is such a copy.
+#[inline(always)]
+pub(crate) fn end_if_copy() {
+    if IS_COPY.load(Ordering::Relaxed) {
+        // SAFETY: ends the process, whose memory and files are those of the original.
+        unsafe { libc::_exit(1) };
+    }
 }
 
 const ADVICE: &str = "\n  Rows of a run up to here are in result.partial.csv of its folder; other results in it are of an \
@@ -80,11 +107,26 @@ const CRASHES: &[(libc::c_int, &str)] = &[
     (libc::SIGTRAP, "signal 5 (SIGTRAP)"),
     #[cfg(unix)]
     (libc::SIGSYS, "signal 31 (SIGSYS)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGUSR1, "signal 10 (SIGUSR1)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGUSR2, "signal 12 (SIGUSR2)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGALRM, "signal 14 (SIGALRM)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGVTALRM, "signal 26 (SIGVTALRM)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGPROF, "signal 27 (SIGPROF)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGIO, "signal 29 (SIGIO)"),
+    #[cfg(target_os = "linux")]
+    (libc::SIGXCPU, "signal 24 (SIGXCPU)"),
 ];
 
 /// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a
 /// failure.
 pub fn install() {
+    end_copies();
     for &(signal, _) in CRASHES {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of
         // Rust have a stack of their own for handlers.

@@ -57,8 +57,15 @@ static void format(char *to, size_t size, const char *format, va_list arguments)
         char one[64];
         size_t n = 0;
         int longs = 0, size_t_given = 0, long_double = 0, max = 0, diff = 0;
+        int digits = 0;
         one[n++] = *f++;
         while (*f != 0 && strchr("-+ #0123456789.*'", *f) != NULL && n < 40) {
+            /* Widths and precisions below 1000, as those of '*': others take hours and gigabytes. */
+            digits = *f >= '0' && *f <= '9' ? digits + 1 : 0;
+            if (digits > 3) {
+                f++;
+                continue;
+            }
             if (*f == '*') {
                 n += (size_t)snprintf(one + n, sizeof one - n, "%d", va_arg(arguments, int) % 1000);
                 f++;

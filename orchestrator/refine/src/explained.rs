@@ -65,9 +65,9 @@ const MIN_RATIO_OF_NO_ANSWER: f64 = 0.5;
 /// Relative change of the error of a signal from which on the answer claims something about it.
 const MIN_CHANGE_OF_A_CLAIM: f64 = 0.05;
 
-/// Takes effects and laws back that leave more than half of a signal on validation records that they claim to explain,
-/// and have not even halved its error; an answer that changes no signal claims all of them. The residual has its place
-/// at `place`. Returns whether an answer was withdrawn.
+/// Takes effects and laws back that leave nearly all of a signal on validation records that they claim to explain, or
+/// more than half of it and have not even halved its error; an answer that changes no signal claims all of them. The
+/// residual has its place at `place`. Returns whether an answer was withdrawn.
 pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool {
     if !matches!(found.verdict, Verdict::Effect | Verdict::Law) {
         return false;
@@ -84,8 +84,11 @@ pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool 
         let rms = after.rms.get(signal).copied().unwrap_or(f64::NAN);
         let noise = (found.floor_of(signal).unwrap_or(0.0) / rms).min(1.0);
         let above = nrmse * (1.0 - noise * noise).sqrt();
-        let far = (above >= MIN_NRMSE_OF_NO_ANSWER || above.is_nan())
-            && (change(signal) >= MIN_RATIO_OF_NO_ANSWER || change(signal).is_nan());
+        // What explains nothing is no answer, however far off the declared model was.
+        let nothing = above >= MIN_NRMSE_OF_NO_MODEL || above.is_nan();
+        let far = nothing
+            || (above >= MIN_NRMSE_OF_NO_ANSWER
+                && (change(signal) >= MIN_RATIO_OF_NO_ANSWER || change(signal).is_nan()));
         (far && (claimed(signal) || !claims)).then(|| format!("{signal} {:.0} %", 100.0 * nrmse))
     };
     let left: Vec<String> = after.nrmse.iter().filter_map(left).collect();
@@ -138,6 +141,7 @@ mod tests {
             &[(0.9, 0.01), (0.9, 0.7)],
             &[(1.3, 1.7)],
             &[(0.9, f64::NAN)],
+            &[(1004.0, 0.988)],
         ] {
             let mut found = effect(errors);
             assert!(refuse_what_explains_too_little(&mut found, "cart"), "{errors:?}");

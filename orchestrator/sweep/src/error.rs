@@ -18,6 +18,9 @@ pub enum Error {
     /// The folder is no sweep.
     #[error("{}: there is no manifest.json; make the folder with `airloop sweep plan PLAN.toml -o {}`", folder.display(), folder.display())]
     NoManifest { folder: PathBuf },
+    /// A file of the user has the name of a result.
+    #[error("{}: it is there and is not of airloop: it would be replaced; move it away", path.display())]
+    Present { path: PathBuf },
     /// A sweep of another plan stands in the folder.
     #[error("{}: it holds another sweep (plan {found}, this is {wanted}); give another folder with -o, or delete it", folder.display())]
     OtherSweep { folder: PathBuf, found: String, wanted: String },

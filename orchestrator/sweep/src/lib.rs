@@ -17,6 +17,7 @@ pub mod file;
 mod follow;
 pub mod manifest;
 pub mod merge;
+mod own;
 mod parquet_file;
 pub mod report;
 pub mod sample;

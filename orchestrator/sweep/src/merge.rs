@@ -9,7 +9,8 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::manifest::Manifest;
-use crate::parquet_file::{Complete, Writer};
+use crate::own;
+use crate::parquet_file::{Complete, METADATA, Writer};
 use crate::shard::{self, Foot, Reader};
 use crate::signals::{self, SIGNALS};
 use crate::table::{self, Cell};
@@ -116,12 +117,17 @@ fn failed_from(path: &Path, manifest: &Manifest, from: u64) -> Result<(u64, Foot
 pub fn merge(folder: &Path) -> Result<Summary, Error> {
     let manifest = Manifest::read(folder)?;
     let cover = cover(folder, &manifest)?;
+    let header = table::header(&manifest.columns);
+    let tables = [(RESULTS, header.as_str()), (PARQUET, METADATA), (SIGNALS, METADATA)];
+    for (name, mark) in tables.into_iter().chain([(SUMMARY, "airloop_version")]) {
+        own::check(&folder.join(name), mark)?;
+    }
     let signals = signals::merge(&cover, &manifest, folder)?;
     let csv = folder.join(RESULTS);
     let parquet = folder.join(PARQUET);
     let mut outcome = None;
     let written = write_whole(&csv, |out| {
-        out.write_all(table::header(&manifest.columns).as_bytes())?;
+        out.write_all(header.as_bytes())?;
         let mut rows = |line: &str| writeln!(out, "{line}");
         let copied = copy(&cover, &manifest, &parquet, &mut rows);
         let complete = copied.is_ok();

@@ -22,6 +22,9 @@ use crate::Error;
 use crate::manifest::Manifest;
 use crate::table::{Cell, Column, Type};
 
+/// Entry of the metadata with the content of plan, program and inputs.
+pub const METADATA: &str = "airloop.digest";
+
 /// Rows of a row group.
 const GROUP: usize = 1 << 16;
 
@@ -44,7 +47,7 @@ impl Writer {
         let schema = Schema::group_type_builder("sweep").with_fields(fields).build().map_err(parquet)?;
         let described = serde_json::to_string(columns).expect("names and units");
         let metadata = vec![
-            KeyValue::new("airloop.digest".into(), manifest.digest.clone()),
+            KeyValue::new(METADATA.into(), manifest.digest.clone()),
             KeyValue::new("airloop.columns".into(), described),
         ];
         let properties = WriterProperties::builder()

@@ -120,8 +120,16 @@ pub(super) fn shared(root: &Element) -> Result<ModelDescription, DescriptionErro
 
 /// The capabilities of an interface that both versions call alike; the others are absent.
 pub(super) fn shared_capabilities(element: &Element) -> Result<Interface, DescriptionError> {
+    let model_identifier = element.required("modelIdentifier")?;
+    if model_identifier.contains(['/', '\\']) {
+        return Err(element.bad(
+            "modelIdentifier",
+            model_identifier,
+            "the name of a library, without folders",
+        ));
+    }
     Ok(Interface {
-        model_identifier: element.required("modelIdentifier")?.to_owned(),
+        model_identifier: model_identifier.to_owned(),
         needs_execution_tool: element.flag("needsExecutionTool")?,
         can_handle_variable_communication_step_size: element
             .flag("canHandleVariableCommunicationStepSize")?,

@@ -42,6 +42,8 @@ impl Process {
         command
             .args(&isolation.arguments)
             .current_dir(folder.path())
+            // What the library leaves there goes with the folder.
+            .env("TMPDIR", folder.path())
             .stdin(Stdio::null())
             .stdout(Stdio::from(writer.try_clone()?))
             .stderr(Stdio::from(writer));
@@ -167,15 +169,23 @@ fn collect(mut reader: PipeReader, output: &Output) {
 pub fn cause(status: ExitStatus) -> String {
     if let Some(signal) = system::signal(status) {
         let name = match signal {
+            1 => " (SIGHUP)",
+            2 => " (SIGINT)",
+            3 => " (SIGQUIT)",
             4 => " (SIGILL)",
             5 => " (SIGTRAP)",
             6 => " (SIGABRT)",
             7 => " (SIGBUS)",
             8 => " (SIGFPE)",
             9 => " (SIGKILL)",
+            10 => " (SIGUSR1)",
             11 => " (SIGSEGV)",
+            12 => " (SIGUSR2)",
             13 => " (SIGPIPE)",
+            14 => " (SIGALRM)",
             15 => " (SIGTERM)",
+            24 => " (SIGXCPU)",
+            25 => " (SIGXFSZ)",
             31 => " (SIGSYS)",
             _ => "",
         };

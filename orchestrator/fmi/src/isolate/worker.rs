@@ -28,6 +28,7 @@ const WARNING: u32 = 1;
 /// # Errors
 /// The shared memory is not there: this was not started as a worker.
 pub fn serve() -> std::io::Result<()> {
+    crate::last_words::end_copies();
     let mut area = Area::of_owner(SHARED)?;
     // Messages are written there also after the memory has grown, so that this mapping stays.
     let log = std::mem::ManuallyDrop::new(area.again()?);
@@ -108,6 +109,7 @@ impl Worker {
             let function = u32::try_from(function).unwrap_or(u32::MAX);
             area.header().function.store(function, Ordering::Release);
             let status = self.call(function, instance, &mut parts, answer).unwrap_or(REFUSED);
+            crate::last_words::end_if_copy();
             area.header().function.store(0, Ordering::Release);
             if status > WARNING || parts.bytes.is_empty() {
                 return (status, index);

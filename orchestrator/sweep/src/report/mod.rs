@@ -61,6 +61,7 @@ pub fn write(folder: &Path) -> Result<PathBuf, Error> {
     let tasks = tasks::table(&columns, folder);
     let text = html(&page).replacen("</main>", &format!("{tasks}</main>"), 1);
     let path = folder.join(PAGE);
+    crate::own::check(&path, "<title>Sweep</title>")?;
     write_whole(&path, |out| out.write_all(text.as_bytes())).map_err(Error::io(&path))?;
     Ok(path)
 }
