@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use airloop::Error;
+use airloop_series::scratch;
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
 
@@ -101,6 +102,9 @@ impl Results {
     ) -> Result<Results, Error> {
         let refused = |problem: String| Error::OutputFolder { folder: folder.into(), problem };
         let made = make(folder)?;
+        if made {
+            scratch::pending_while_empty(folder);
+        }
         let lock = lock(folder)?;
         let prefix = stage_prefix(folder, place);
         finish_or_sweep(folder, place, &prefix)?;
@@ -108,6 +112,7 @@ impl Results {
         check_against(folder, inputs, names, &ours)?;
         let stage = tempfile::Builder::new().prefix(&prefix).tempdir_in(place);
         let stage = stage.map_err(|error| refused(format!("nothing can be written there: {error}")))?;
+        scratch::pending(stage.path());
         Ok(Results {
             folder: folder.into(),
             made,
@@ -116,11 +121,6 @@ impl Results {
             rescued: Vec::new(),
             _lock: lock,
         })
-    }
-
-    /// Whether the folder was not there before.
-    pub fn made(&self) -> bool {
-        self.made
     }
 
     /// Folder that the files are written into.
@@ -133,6 +133,8 @@ impl Results {
     /// # Errors
     /// The file cannot be moved.
     pub fn adopt(&mut self, file: &Path, name: &'static str) -> std::io::Result<()> {
+        // What the user would miss is worth a folder that stays.
+        scratch::settled(self.path());
         std::fs::rename(file, self.path().join(name))?;
         self.rescued.push((name, file.into()));
         Ok(())
@@ -170,6 +172,8 @@ impl Results {
             )));
         }
         let change = Move { files: names, earlier: std::mem::take(&mut self.ours) };
+        // From here on the next command completes the move.
+        scratch::settled(stage.path());
         if let Err(error) = airloop_series::file::write_json(&stage.path().join(COMPLETE), &change) {
             self.rescue(stage.path());
             return Err(refused(format!("the new results cannot be put there: {error}")));
@@ -261,20 +265,6 @@ fn finish_or_sweep(folder: &Path, stages: &Path, prefix: &str) -> Result<(), Err
 fn stage_prefix(folder: &Path, stages: &Path) -> String {
     let name = folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     if stages == folder { STAGE.into() } else { format!("{STAGE}{name}~") }
-}
-
-/// Removes the hidden folder of a command that ends without dropping its [`Results`], and the folder, if it was `made`
-/// and is empty.
-pub fn abandon(folder: &Path, made: bool) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(STAGE) {
-            let _ = std::fs::remove_dir_all(entry.path());
-        }
-    }
-    if made {
-        // Only an empty folder can be removed this way.
-        let _ = std::fs::remove_dir(folder);
-    }
 }
 
 /// All files in a folder and below, by their path inside.

@@ -15,7 +15,8 @@ pub mod inspect;
 mod inspect_report;
 pub mod inspect_system;
 mod inspect_worker;
-pub mod isolate;
+pub mod interrupt;
+mod isolate;
 #[cfg(test)]
 mod keys;
 pub mod new;
@@ -55,6 +56,7 @@ pub fn main() -> ExitCode {
     };
     if !matches!(&cli.command, Command::FmuWorker) && !is_check_worker(&cli.command) {
         airloop_fmi::last_words::install();
+        interrupt::install();
     }
     let outcome = match cli.command {
         Command::Run(args) => run::run(&args),

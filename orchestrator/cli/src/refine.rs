@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         question.redraw(system, args.seed)?;
     }
     let results = results_folder(path, &args.output)?;
-    let interrupt = Interrupt::new(&args.output, results.made());
+    let interrupt = Interrupt::new(&args.output);
     if let Some(time) = args.budget {
         stop::within(time);
     }

@@ -1,14 +1,14 @@
 //! How far a search is, on a terminal, and what Ctrl-C does to it.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output;
+use super::interrupt;
 use airloop_refine::engine::stop;
 use airloop_refine::watch::Event;
 
@@ -71,12 +71,11 @@ pub struct Interrupt {
 }
 
 impl Interrupt {
-    /// From here on. `made`: the folder is new and goes away with the interrupted search.
-    pub fn new(folder: &Path, made: bool) -> Interrupt {
+    /// From here on; `folder`: that of the report.
+    pub fn new(folder: &Path) -> Interrupt {
         let state = Arc::new(AtomicU8::new(SEARCHING));
-        let (own, folder) = (Arc::clone(&state), folder.to_owned());
-        // Without a handler a signal ends the program as usual, so a failure here is no reason not to search.
-        let _ = ctrlc::set_handler(move || {
+        let (own, report) = (Arc::clone(&state), folder.join("report.json"));
+        interrupt::act(move || {
             airloop_fmi::isolate::interrupt();
             let change = |from, to| own.compare_exchange(from, to, Ordering::SeqCst, Ordering::SeqCst);
             if change(WRITING, ASKED).is_ok() {
@@ -86,11 +85,11 @@ impl Interrupt {
                 stop::ask();
                 return;
             }
-            if own.load(Ordering::SeqCst) == ENDING {
-                leave(&folder, made);
-            }
-            airloop_fmi::last_words::end();
-            std::process::exit(i32::from(super::INTERRUPTED));
+            let kept = match report.is_file() {
+                true => format!("the earlier report in {} is as it was", report.display()),
+                false => "nothing was written".into(),
+            };
+            interrupt::end(&format!("interrupted twice; {kept}"));
         });
         Interrupt { state }
     }
@@ -105,15 +104,4 @@ impl Interrupt {
     pub fn came(&self) -> bool {
         self.state.load(Ordering::SeqCst) == ASKED
     }
-}
-
-/// Says what is left of an interrupted search.
-fn leave(folder: &Path, made: bool) {
-    let report: PathBuf = folder.join("report.json");
-    super::folder::abandon(folder, made);
-    let kept = match report.is_file() {
-        true => format!("the earlier report in {} is as it was", folder.display()),
-        false => "nothing was written".into(),
-    };
-    output::to_stderr(&format!("interrupted during the search; {kept}"));
 }

@@ -258,12 +258,10 @@ fn note_inputs(
 pub(super) fn stop_flag() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
-    // Without a handler a signal ends the program as usual, so a failure here is no reason not to run.
-    let _ = ctrlc::set_handler(move || {
+    super::interrupt::act(move || {
         airloop_fmi::isolate::interrupt();
         if flag.swap(true, Ordering::Relaxed) {
-            airloop_fmi::last_words::end();
-            std::process::exit(i32::from(super::INTERRUPTED));
+            super::interrupt::end("interrupted twice: ended at once");
         }
     });
     stop

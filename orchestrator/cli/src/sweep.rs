@@ -202,8 +202,8 @@ fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
 
 /// Shards that take about `time` \[s\] each, by the time of some tasks.
 fn shards_of(manifest: &Manifest, time: f64) -> Result<u64, SweepError> {
-    let folder =
-        tempfile::tempdir().map_err(|source| SweepError::Io { path: std::env::temp_dir(), source })?;
+    let folder = airloop_series::scratch::folder();
+    let folder = folder.map_err(|source| SweepError::Io { path: std::env::temp_dir(), source })?;
     let runner = Runner::new(folder.path(), manifest.clone(), 1)?;
     let each = runner.time_of_a_task(&run::stop_flag()).ok_or(SweepError::Interrupted)?;
     let shards = (each * manifest.tasks as f64 / time).ceil();

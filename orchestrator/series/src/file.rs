@@ -8,6 +8,8 @@ use std::path::Path;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
+use crate::scratch;
+
 /// Most bytes of a file that is read as a whole.
 const MAX_BYTES: u64 = 1 << 28;
 
@@ -128,7 +130,9 @@ pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Res
 /// # Errors
 /// An error of the file system.
 pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
-    tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)
+    let file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)?;
+    scratch::pending(file.path());
+    Ok(file)
 }
 
 /// Gives a complete temporary file its name; a file of that name is replaced.
@@ -138,6 +142,7 @@ pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
 pub fn persist(file: NamedTempFile, path: &Path) -> std::io::Result<()> {
     check_place(path)?;
     readable_by_all(file.as_file())?;
+    scratch::settled(file.path());
     file.persist(path)?;
     Ok(())
 }

@@ -1,8 +1,11 @@
 //! Temporary folders that do not outlive their process for long: each is removed with its owner, and what a process
 //! left behind that was killed is removed by the next one.
+//!
+//! Files and folders that a process begins elsewhere are [`pending`] until they are complete. A process that has to end
+//! at once can [`abandon`] them.
 
-use std::path::Path;
-use std::sync::Once;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, Once, PoisonError};
 
 use tempfile::TempDir;
 
@@ -19,6 +22,44 @@ pub fn folder() -> std::io::Result<TempDir> {
     static SWEPT: Once = Once::new();
     SWEPT.call_once(|| sweep(&std::env::temp_dir()));
     tempfile::Builder::new().prefix(&format!("{PREFIX}{}-", owner())).tempdir()
+}
+
+/// Files and folders that were begun and are not complete.
+static PENDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// Folders that were made.
+static MADE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A file or a folder was begun that means nothing before it is complete.
+pub fn pending(path: &Path) {
+    PENDING.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+}
+
+/// A folder was made that is worth nothing while it is empty.
+pub fn pending_while_empty(folder: &Path) {
+    MADE.lock().unwrap_or_else(PoisonError::into_inner).push(folder.to_owned());
+}
+
+/// It is complete, or gone.
+pub fn settled(path: &Path) {
+    PENDING.lock().unwrap_or_else(PoisonError::into_inner).retain(|own| own != path);
+}
+
+/// Removes the temporary folders of this process and all that is pending, as its destructors would; for a process that
+/// ends without them.
+pub fn abandon() {
+    let own = format!("{PREFIX}{}-", owner());
+    for entry in std::fs::read_dir(std::env::temp_dir()).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(&own) {
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+    for path in PENDING.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
+        let _ = std::fs::remove_file(path).or_else(|_| std::fs::remove_dir_all(path));
+    }
+    for folder in MADE.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
+        // Only an empty folder can be removed this way.
+        let _ = std::fs::remove_dir(folder);
+    }
 }
 
 /// This process in the name of a folder: the name space of its number, then the number, so that a process never takes
@@ -61,6 +102,31 @@ fn is_gone(process: u32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_pending_is_abandoned_and_what_is_settled_stays() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        for name in ["begun", "complete"] {
+            std::fs::write(at(name), "text").unwrap();
+            pending(&at(name));
+        }
+        for name in ["stage", "empty", "full"] {
+            std::fs::create_dir(at(name)).unwrap();
+        }
+        std::fs::write(at("stage/file"), "text").unwrap();
+        std::fs::write(at("full/theirs"), "text").unwrap();
+        pending(&at("stage"));
+        pending_while_empty(&at("empty"));
+        pending_while_empty(&at("full"));
+        settled(&at("complete"));
+        let own = folder().unwrap();
+        abandon();
+        let stays =
+            ["begun", "complete", "stage", "empty", "full", "full/theirs"].map(|name| at(name).exists());
+        assert_eq!(stays, [false, true, false, false, true, true]);
+        assert!(!own.path().exists());
+    }
 
     #[test]
     #[cfg(target_os = "linux")]

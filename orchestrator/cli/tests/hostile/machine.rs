@@ -149,6 +149,14 @@ pub const FAULTS: &[Fault] = &[
         act: |folder, command| signaled(folder, command, "-HUP"),
     },
     Fault {
+        what: "SIGINT while a file is written that means nothing before it is complete",
+        command: "excite chirp --amplitude 1 --band 1..5 --duration 100000 -o out/chirp.csv",
+        code: Some(130),
+        says: "interrupted; nothing was written",
+        left: &[],
+        act: interrupted_while_writing,
+    },
+    Fault {
         what: "stopped for two seconds, call limit 1 s",
         command: "run m.fmu --stop 1e6 --step 1ms --no-plots -o out --isolate --call-limit 1",
         code: Some(130),
@@ -415,6 +423,16 @@ fn killed_over_a_result(folder: &Path, mut command: Command) -> Output {
 fn signaled(folder: &Path, mut command: Command, signal: &str) -> Output {
     let child = begun(folder, &mut command);
     send(&child, signal);
+    child.wait_with_output().unwrap()
+}
+
+fn interrupted_while_writing(folder: &Path, mut command: Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let began = Instant::now();
+    while names(&folder.join("out")).is_empty() && began.elapsed() < MAX_WAIT {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    send(&child, "-INT");
     child.wait_with_output().unwrap()
 }
 

@@ -29,9 +29,6 @@ pub(super) fn samples(
     seed: u64,
 ) -> Result<Vec<f64>, Error> {
     let (low, high) = (band.start.min(band.end), band.start.max(band.end));
-    check("the period", period, "s", high * period <= MAX_HARMONIC, || {
-        format!("with a band up to {high} Hz at most {:.3e} s", MAX_HARMONIC / high)
-    })?;
     let harmonics =
         ((low * period - 1e-9).ceil().max(1.0) as usize)..=((high * period + 1e-9).floor() as usize);
     check("the period", period, "s", !harmonics.is_empty(), || {
@@ -41,6 +38,9 @@ pub(super) fn samples(
     let most = (MAX_COSINES / n as f64).floor();
     check("the number of sines", count, "", count <= most, || {
         format!("with {n} samples at most {most}; take a narrower band, a shorter signal or a shorter period")
+    })?;
+    check("the period", period, "s", high * period <= MAX_HARMONIC, || {
+        format!("with a band up to {high} Hz at most {:.3e} s", MAX_HARMONIC / high)
     })?;
     let sines: Vec<usize> = harmonics.collect();
     let mut random = Random::new(seed);
