@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,8 +47,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
         Some(file) => SignalTable::read(file)?,
         None => SignalTable::default(),
     };
-    let input = args.input.as_ref().map(|file| csv::read(file)).transpose()?;
-    let measured = args.measured.as_ref().map(|file| csv::read(file)).transpose()?;
+    let input = args.input.as_ref().map(|file| record(file)).transpose()?;
+    let measured = args.measured.as_ref().map(|file| record(file)).transpose()?;
     let setup = Setup::new(
         graph,
         Request {
@@ -252,6 +252,24 @@ fn note_inputs(
             notes.push(format!("the input data begin at {begin} s: the first values hold before"));
         }
     }
+}
+
+/// Largest size of a value of a record: errors are squared, and squares beyond all numbers say nothing.
+const MAX_VALUE: f64 = 1e100;
+
+/// Reads a record.
+fn record(path: &Path) -> Result<TimeSeries, Error> {
+    let series = csv::read(path)?;
+    let is_huge = |value: f64| value.abs() > MAX_VALUE;
+    for (column, channel) in series.channels().iter().enumerate() {
+        let allowed = format!("a size up to {MAX_VALUE:e}");
+        let huge = channel.values.iter().any(|value| is_huge(*value));
+        let refused = || csv::refuse(path, column, &channel.name, &allowed, |value, _| is_huge(value));
+        if let Some(error) = huge.then(refused).flatten() {
+            return Err(error.into());
+        }
+    }
+    Ok(series)
 }
 
 /// Set by Ctrl-C, SIGTERM or SIGHUP; a second signal ends the program at once.

@@ -179,7 +179,7 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
 
 fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
     args.isolate.choose()?;
-    let mut manifest = Manifest::plan(&args.plan)?;
+    let mut manifest = Manifest::plan(&args.plan).map_err(|error| error.in_file(&args.plan))?;
     if let Some(shards) = args.shards {
         manifest.shards = shards.min(manifest.tasks.max(1));
     }
@@ -303,7 +303,7 @@ fn status(args: &FolderArgs) -> Result<ExitCode, SweepError> {
             &format!("time of the finished shards: {:.1} s of threads, {each:.3} ms per task\n", status.busy);
     }
     for problem in &status.damaged {
-        text += &format!("damaged: {problem}\n");
+        output::to_stderr(&format!("damaged: {problem}"));
     }
     if let Some(submission) = slurm::read(&args.folder)? {
         let (job, shards) = (submission.job, submission.shards);

@@ -69,6 +69,16 @@ fn advice(source: &std::io::Error) -> &'static str {
 }
 
 impl Error {
+    /// With the file of the plan, where the error is one of its values.
+    pub fn in_file(self, file: &std::path::Path) -> Error {
+        match self {
+            Error::Plan { place, problem } => {
+                Error::File { file: file.into(), problem: format!("{place}: {problem}") }
+            }
+            other => other,
+        }
+    }
+
     /// An error of the file system at a path.
     pub fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Error {
         let path = path.to_owned();

@@ -161,7 +161,9 @@ impl Manifest {
             read => read.map_err(Error::io(&file))?,
         };
         let wrong = |problem: String| Error::File { file: file.clone(), problem };
-        let manifest: Manifest = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        let manifest: Manifest = serde_json::from_str(&text).map_err(|error| {
+            wrong(format!("this is no manifest of `airloop sweep plan`: {error}; give another folder with -o, or plan again"))
+        })?;
         if manifest.content() != manifest.digest {
             return Err(wrong("it was edited; plan again".into()));
         }

@@ -52,6 +52,7 @@ pub fn cases() -> Vec<Case> {
         row("a cell of NaN", "0.30,nan,2"),
         row("a cell of infinity", "0.30,inf,2"),
         row("a cell beyond all numbers", "0.30,1e400,2"),
+        row("a cell whose square is beyond all numbers", "0.30,1e308,2"),
         row("an empty cell", "0.30,,2"),
         row("time that stands still", "0.29,1,2"),
         row("time that goes back", "0.10,1,2"),
