@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm on-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -26,8 +26,12 @@ test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: p
 	python/test.sh out/wheel
 
 test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this computer, one of them killed; as root
+	$(MAKE) --no-print-directory on-slurm
+
+PROGRAM ?= target/release/airloop
+on-slurm:            # the same with a program that is built
 	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge || echo "Slurm cannot be installed here"; fi
-	python3 tests/slurm/run.py target/release/airloop
+	python3 tests/slurm/run.py $(PROGRAM)
 
 TASKS ?= 10000       # trials of `make study-sweep`
 study-sweep: fmu     ## trials in shards and on threads, sweeps killed at random and by dask, the cost of 1e3 to 1e6 tasks

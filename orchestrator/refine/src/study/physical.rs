@@ -15,6 +15,9 @@ const MIN_ASYMMETRY: f64 = 0.02;
 /// Share of the energy that passes an effect which it may give back in the end and still be said to take some.
 const MAX_RETURNED_ENERGY: f64 = 1e-3;
 
+/// Fewest steps of the range of a value that comes in steps.
+const MIN_STEPS_OF_A_RANGE: f64 = 10.0;
+
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
@@ -58,6 +61,11 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         // One below -1 is a wrong sign, no gain.
         Law::Gain => p[first] > -1.0,
         Law::Cogging => p[first + 2] <= 0.5 * travel,
+        // Coarser steps of a force look like a friction that holds.
+        Law::Quantization => {
+            let (low, high) = study.range(tap, Variable::Value);
+            high <= low || MIN_STEPS_OF_A_RANGE * p[first] <= high - low
+        }
         Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
         Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
         Law::Own(index) => {
