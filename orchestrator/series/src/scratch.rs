@@ -48,15 +48,19 @@ pub fn settled(path: &Path) {
 /// ends without them.
 pub fn abandon() {
     let own = format!("{PREFIX}{}-", owner());
-    for entry in std::fs::read_dir(std::env::temp_dir()).into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(&own) {
-            let _ = std::fs::remove_dir_all(entry.path());
-        }
-    }
-    for path in PENDING.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
+    let entries = std::fs::read_dir(std::env::temp_dir()).into_iter().flatten().flatten();
+    let folders = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(&own));
+    remove(&folders.map(|entry| entry.path()).collect::<Vec<_>>(), &[]);
+    let [pending, made] = [&PENDING, &MADE].map(|own| own.lock().unwrap_or_else(PoisonError::into_inner));
+    remove(&pending, &made);
+}
+
+/// Removes files and folders, the latest first, then the folders of `made` that are empty.
+fn remove(begun: &[PathBuf], made: &[PathBuf]) {
+    for path in begun.iter().rev() {
         let _ = std::fs::remove_file(path).or_else(|_| std::fs::remove_dir_all(path));
     }
-    for folder in MADE.lock().unwrap_or_else(PoisonError::into_inner).iter().rev() {
+    for folder in made.iter().rev() {
         // Only an empty folder can be removed this way.
         let _ = std::fs::remove_dir(folder);
     }
@@ -103,29 +107,31 @@ fn is_gone(process: u32) -> bool {
 mod tests {
     use super::*;
 
+    // Not by `abandon`, which would take the files of other tests in this process.
     #[test]
-    fn what_is_pending_is_abandoned_and_what_is_settled_stays() {
+    fn what_was_begun_is_removed_and_folders_with_files_of_others_stay() {
         let place = tempfile::tempdir().unwrap();
         let at = |name: &str| place.path().join(name);
-        for name in ["begun", "complete"] {
-            std::fs::write(at(name), "text").unwrap();
-            pending(&at(name));
-        }
         for name in ["stage", "empty", "full"] {
             std::fs::create_dir(at(name)).unwrap();
         }
-        std::fs::write(at("stage/file"), "text").unwrap();
-        std::fs::write(at("full/theirs"), "text").unwrap();
-        pending(&at("stage"));
-        pending_while_empty(&at("empty"));
-        pending_while_empty(&at("full"));
-        settled(&at("complete"));
-        let own = folder().unwrap();
-        abandon();
-        let stays =
-            ["begun", "complete", "stage", "empty", "full", "full/theirs"].map(|name| at(name).exists());
-        assert_eq!(stays, [false, true, false, false, true, true]);
-        assert!(!own.path().exists());
+        for name in ["begun", "stage/file", "full/theirs"] {
+            std::fs::write(at(name), "text").unwrap();
+        }
+        remove(&[at("begun"), at("stage"), at("gone")], &[at("empty"), at("full")]);
+        let stays = ["begun", "stage", "empty", "full", "full/theirs"].map(|name| at(name).exists());
+        assert_eq!(stays, [false, false, false, true, true]);
+    }
+
+    #[test]
+    fn a_file_is_pending_until_it_has_its_name() {
+        let place = tempfile::tempdir().unwrap();
+        let is_pending = |path: &Path| PENDING.lock().unwrap().iter().any(|own| own == path);
+        let file = crate::file::temporary(place.path()).unwrap();
+        let begun = file.path().to_owned();
+        assert!(is_pending(&begun));
+        crate::file::persist(file, &place.path().join("complete")).unwrap();
+        assert!(!is_pending(&begun));
     }
 
     #[test]
