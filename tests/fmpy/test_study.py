@@ -223,7 +223,9 @@ def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_
             assert other["value"] != own["value"]
     for found in (nothing, again):
         assert any("drawn again, with seed 1" in note for note in found["notes"])
-        assert found.get("study") is None
+    # Its errors are not those on the files of the study.
+    assert "--study" in (tmp_path / "whole" / "report.md").read_text()
+    assert "--study" not in (tmp_path / "again" / "report.md").read_text()
     one = draw(tmp_path / "whole" / "system" / "system.ssd", 1, tmp_path / "one", "--threads", "1")
     assert one == again
 

@@ -14,7 +14,7 @@ pub fn install() {
     // Without a handler a signal ends the program as usual, so a failure here is no reason not to work.
     let _ = ctrlc::set_handler(|| match &mut *ACTION.lock().unwrap_or_else(PoisonError::into_inner) {
         Some(action) => action(),
-        None => end("interrupted; nothing was written"),
+        None => end("interrupted; what was not complete is removed"),
     });
 }
 

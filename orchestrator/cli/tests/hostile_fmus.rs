@@ -156,7 +156,7 @@ fn copies_of_the_process_that_a_library_makes_change_nothing() {
     };
     assert_eq!(findings("fmi2DoStep:copy"), findings(""));
     let lost = findings("fmi2DoStep:nowhere");
-    assert!(lost.contains("[findings-lost]") && lost.contains("0 of"), "{lost}");
+    assert!(lost.contains("[findings-lost]") && lost.contains(": 0 of"), "{lost}");
 }
 
 #[test]

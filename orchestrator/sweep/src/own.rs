@@ -5,15 +5,18 @@ use std::path::Path;
 
 use crate::Error;
 
-/// Bytes at the end of a Parquet file in which its metadata lie.
+/// Bytes looked through at both ends of a file: a table has its header first, a Parquet file its metadata last.
 const TAIL: u64 = 1 << 20;
 
-/// Refuses to replace a file of the user.
+/// Refuses to replace a file of the user: one without `mark` in its first and in its last MiB.
 ///
 /// # Errors
-/// [`Error::Present`] names it.
+/// [`Error::Present`] names it; a file that cannot be read.
 pub fn check(path: &Path, mark: &str) -> Result<(), Error> {
-    let Ok(mut file) = std::fs::File::open(path) else { return Ok(()) };
+    let mut file = match std::fs::File::open(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        found => found.map_err(Error::io(path))?,
+    };
     let length = file.metadata().map_or(0, |data| data.len());
     let mut found = |from: u64| {
         let mut bytes = Vec::new();

@@ -152,7 +152,7 @@ pub const FAULTS: &[Fault] = &[
         what: "SIGINT while a file is written that means nothing before it is complete",
         command: "excite chirp --amplitude 1 --band 1..5 --duration 100000 -o out/chirp.csv",
         code: Some(130),
-        says: "interrupted; nothing was written",
+        says: "interrupted; what was not complete is removed",
         left: &[],
         act: interrupted_while_writing,
     },

@@ -78,7 +78,7 @@ pub fn pieces(study: &Study, role: Role) -> Vec<Piece> {
 /// elsewhere, and one window would hide the information of the others.
 fn settled(study: &Study, piece: &Piece) -> usize {
     let record = &study.records[piece.record];
-    let length = study.windows.map_or(0, |window| ((window / record.step).round() as usize).max(2));
+    let length = study.window(record.step).unwrap_or(0);
     let derived = study.sensors.signals[1].iter().flatten().any(|signal| signal.derivative_of.is_some());
     let begin = piece.range.start;
     if record.ends[0] && derived && record.n >= 4 * length { begin + length } else { begin }
@@ -105,7 +105,7 @@ fn folds(study: &Study, pieces: &[Piece]) -> Vec<(Vec<Piece>, Vec<Piece>)> {
         .iter()
         .map(|piece| {
             let record = &study.records[piece.record];
-            let unit = study.windows.map_or(1, |window| ((window / record.step).round() as usize).max(2));
+            let unit = study.window(record.step).unwrap_or(1);
             let units = piece.range.len() / unit;
             let edge = |k: usize| piece.range.start + unit * (k * units / SPANS_PER_RECORD);
             (0..SPANS_PER_RECORD)

@@ -228,6 +228,11 @@ pub struct Study {
     pub failure: Mutex<Option<(String, bool)>>,
 }
 
+/// Samples of a `window` \[s\] with a `step` \[s\], two at least.
+pub fn window_samples(window: f64, step: f64) -> usize {
+    ((window / step).round() as usize).max(2)
+}
+
 impl Study {
     /// An instance of the system of one's own.
     ///
@@ -302,6 +307,11 @@ impl Study {
                 Initial::Word(InitialWord::Fit) => self.steps_alone,
                 Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
             }
+    }
+
+    /// Samples from one restart of the simulation to the next on records with this `step` \[s\]; none without windows.
+    pub fn window(&self, step: f64) -> Option<usize> {
+        self.windows.map(|window| window_samples(window, step))
     }
 
     /// Parameter vector of the declared model; candidates at zero.

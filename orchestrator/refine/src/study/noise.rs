@@ -359,7 +359,7 @@ impl System for Noisy<'_> {
                 None => found.extend(std::iter::repeat_n(0.0, n)),
             }
         }
-        let window = study.windows.map(|window| ((window / record.step).round() as usize).max(2));
+        let window = study.window(record.step);
         let shifts = study.sensors.made(1, record, &columns);
         for (slope, shift) in slopes.states.iter().zip(&shifts) {
             let (Some(slope), Some(shift)) = (slope, shift) else { continue };

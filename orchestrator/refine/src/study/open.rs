@@ -10,7 +10,7 @@ use super::clipping::{MAX_SHARE, clipping};
 use super::declaration::{Attachment, Declaration, File, Initial, Offset, Role, Value};
 use super::identified;
 use super::kinds;
-use super::model::{Entry, Output, Study, Target};
+use super::model::{Entry, Output, Study, Target, window_samples};
 use super::names;
 use super::noise::SensorNoise;
 use super::numbers;
@@ -296,7 +296,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     let mut records = read::records(file, &layout, &mut notes)?;
     if let Some(window) = declaration.error.windows_s {
         for record in &mut records {
-            let samples = ((window / record.step).round() as usize).max(2);
+            let samples = window_samples(window, record.step);
             if record.n < samples {
                 return Err(
                     file.refuse_all(format!("error.windows_s = {window} s, but {} is shorter", record.name))

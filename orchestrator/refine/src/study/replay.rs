@@ -139,7 +139,7 @@ pub(super) fn simulated(file: &File, system: Option<&Path>) -> Result<Vec<Simula
         let own = [piece];
         let locals = initial(&fits, &[], &own, &p);
         let (predicted, measured) = on_record(&file, &fits, &own, &p, &locals[0])?;
-        let window = study.windows.map(|window| ((window / record.step).round() as usize).max(2));
+        let window = study.window(record.step);
         let (name, outputs) = (record.name.clone(), study.outputs.len());
         Ok(Simulated { record: name, role: record.role, outputs, window, predicted, measured })
     })

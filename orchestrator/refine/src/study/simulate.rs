@@ -219,7 +219,7 @@ impl<'a> View<'a> {
         let (mut x, mut dx): (Vec<f64>, Slopes) = (vec![0.0; nx], std::array::from_fn(|_| vec![0.0; nx]));
         let mut saved = vec![0.0; nx];
         let (n, step) = (piece.range.len(), record.step);
-        let window = study.windows.map(|window| ((window / step).round() as usize).max(2));
+        let window = study.window(step);
         // A command behind a lag moves between its samples.
         let smooth = |slot: usize| {
             self.active.iter().any(|&c| match study.candidates[c].action {
