@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use airloop::Error;
 use airloop_fmi::check::{self, Finding, Severity};
-use airloop_fmi::isolate::{cause, confine, end};
+use airloop_fmi::isolate::{cause, confine};
 use airloop_fmi::{Fmu, trace};
 
 /// Files in the folder that both processes share: findings, one in a line, the last call, and the number of findings
@@ -71,7 +71,7 @@ pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Fin
         .stdin(Stdio::null())
         // What the FMU prints is no part of our output.
         .stdout(Stdio::from(std::io::stderr()));
-    confine(&mut command, MEMORY);
+    let confined = confine(&mut command, MEMORY);
     let mut child = command.spawn().map_err(io)?;
     let began = Instant::now();
     let status = loop {
@@ -82,7 +82,7 @@ pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Fin
         }
     };
     // Also what the library started.
-    end(&mut child);
+    confined.end(&mut child);
     let written = std::fs::read_to_string(folder.path().join(FINDINGS)).unwrap_or_default();
     // The last line may be cut off.
     let mut found: Vec<Finding> =

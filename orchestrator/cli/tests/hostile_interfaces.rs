@@ -162,22 +162,28 @@ fn without_a_process_of_its_own_no_end_of_the_program_looks_like_success() {
 }
 
 #[test]
-fn a_check_ends_the_processes_that_a_library_started() {
+fn a_check_and_a_run_end_the_processes_that_a_library_started() {
     let place = Place::new(Version::Two);
-    let output = place.airloop("fmi2Instantiate:fork", &["inspect", "--check", "m.fmu"]);
-    assert!(output.status.code().is_some(), "{:?}", output.status);
     let folder = place.path("").display().to_string();
     let is_here = |entry: &std::fs::DirEntry| {
-        std::fs::read(entry.path().join("cmdline"))
-            .is_ok_and(|line| String::from_utf8_lossy(&line).contains(&folder))
+        let read = |file: &str| std::fs::read(entry.path().join(file)).unwrap_or_default();
+        String::from_utf8_lossy(&[read("cmdline"), read("environ")].concat()).contains(&folder)
     };
     let alive = || std::fs::read_dir("/proc").unwrap().flatten().filter(is_here).count();
-    // Their end takes a moment.
-    let ended = (0..100).any(|_| {
-        std::thread::sleep(std::time::Duration::from_millis(20));
-        alive() == 0
-    });
-    assert!(ended, "{} processes are left", alive());
+    for words in
+        [&["inspect", "--check", "m.fmu"][..], &["run", "m.fmu", "--stop", "1", "--isolate", "-o", "out"]]
+    {
+        for fault in ["fork", "session"] {
+            let output = place.airloop(&format!("fmi2Instantiate:{fault}"), words);
+            assert!(output.status.code().is_some(), "{words:?} {fault}: {:?}", output.status);
+            // Their end takes a moment.
+            let ended = (0..100).any(|_| {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+                alive() == 0
+            });
+            assert!(ended, "{words:?} {fault}: {} processes are left", alive());
+        }
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::fmi3::names;
 use crate::open::Fmu;
+use crate::signals;
 
 /// Component and FMU in messages.
 #[derive(Clone)]
@@ -95,39 +96,39 @@ pub fn end() {
     ENDS.store(true, Ordering::Release);
 }
 
-/// Signals by which a library crashes, as messages name them.
-const CRASHES: &[(libc::c_int, &str)] = &[
-    (libc::SIGSEGV, "signal 11 (SIGSEGV)"),
-    (libc::SIGILL, "signal 4 (SIGILL)"),
-    (libc::SIGFPE, "signal 8 (SIGFPE)"),
-    (libc::SIGABRT, "signal 6 (SIGABRT)"),
+/// Signals by which a library crashes.
+const CRASHES: &[libc::c_int] = &[
+    libc::SIGSEGV,
+    libc::SIGILL,
+    libc::SIGFPE,
+    libc::SIGABRT,
     #[cfg(unix)]
-    (libc::SIGBUS, "signal 7 (SIGBUS)"),
+    libc::SIGBUS,
     #[cfg(unix)]
-    (libc::SIGTRAP, "signal 5 (SIGTRAP)"),
+    libc::SIGTRAP,
     #[cfg(unix)]
-    (libc::SIGSYS, "signal 31 (SIGSYS)"),
+    libc::SIGSYS,
     #[cfg(target_os = "linux")]
-    (libc::SIGUSR1, "signal 10 (SIGUSR1)"),
+    libc::SIGUSR1,
     #[cfg(target_os = "linux")]
-    (libc::SIGUSR2, "signal 12 (SIGUSR2)"),
+    libc::SIGUSR2,
     #[cfg(target_os = "linux")]
-    (libc::SIGALRM, "signal 14 (SIGALRM)"),
+    libc::SIGALRM,
     #[cfg(target_os = "linux")]
-    (libc::SIGVTALRM, "signal 26 (SIGVTALRM)"),
+    libc::SIGVTALRM,
     #[cfg(target_os = "linux")]
-    (libc::SIGPROF, "signal 27 (SIGPROF)"),
+    libc::SIGPROF,
     #[cfg(target_os = "linux")]
-    (libc::SIGIO, "signal 29 (SIGIO)"),
+    libc::SIGIO,
     #[cfg(target_os = "linux")]
-    (libc::SIGXCPU, "signal 24 (SIGXCPU)"),
+    libc::SIGXCPU,
 ];
 
 /// From now on a crash or an `exit` in a call of an FMU names the FMU and the call; the process still ends as a
 /// failure.
 pub fn install() {
     end_copies();
-    for &(signal, _) in CRASHES {
+    for &signal in CRASHES {
         // SAFETY: a zeroed action is one without mask; the handler makes only calls that are safe in it. The threads of
         // Rust have a stack of their own for handlers.
         #[cfg(unix)]
@@ -180,16 +181,14 @@ fn say_site(site: Site) {
 }
 
 extern "C" fn crashed(signal: libc::c_int) {
-    let known = CRASHES.iter().find(|(number, _)| *number == signal);
-    let name = known.map_or("a signal", |(_, name)| name).as_bytes();
     match IN_CALL.get() {
         Some(site) => say_site(site),
         None => say(
             b"\nerror: the program crashed outside of any call of an FMU, perhaps in a thread that one left",
         ),
     }
-    say(b" by ");
-    say(name);
+    say(b" by signal ");
+    say(signals::known(signal).unwrap_or("without a name").as_bytes());
     say(ADVICE.as_bytes());
     // The action is the default one again: the signal ends the process as it would have.
     // SAFETY: a system call.

@@ -24,6 +24,7 @@ mod log;
 mod model;
 mod open;
 mod package;
+mod signals;
 mod slave;
 mod surroundings;
 pub mod template_folder;

@@ -115,6 +115,7 @@ static int fault(const char *function, Unit *unit, double *values, size_t count)
     IF("thread") { pthread_t one; pthread_create(&one, NULL, idle, NULL); }
     IF("threads") for (int k = 0; k < 50; ++k) { pthread_t one; pthread_create(&one, NULL, idle, NULL); }
     IF("fork") if (fork() == 0) for (;;) pause();
+    IF("session") if (fork() == 0) { setsid(); clearenv(); if (fork() == 0) for (;;) pause(); _exit(0); }
     IF("file") fclose(fopen("left_behind.txt", "w"));
     IF("logn") SAY(unit, "m", 0, "c", "a %n b");
     IF("logs") SAY(unit, "m", 3, "c", "%s %s %s %s %s %s %d");

@@ -112,6 +112,30 @@ pub(super) fn end_group(child: &Child) {
     unsafe { libc::kill(-(child.id() as libc::pid_t), libc::SIGKILL) };
 }
 
+/// Ends all processes with an entry of their environment that begins with `entry`, and counts them. Those that ended
+/// and were not waited for have no environment.
+pub(super) fn end_those_with(entry: &[u8]) -> usize {
+    let Ok(folders) = std::fs::read_dir("/proc") else { return 0 };
+    let own = std::process::id().to_string();
+    let mut count = 0;
+    for folder in folders.flatten() {
+        let name = folder.file_name();
+        let Some(id) =
+            name.to_str().filter(|name| *name != own).and_then(|name| name.parse::<libc::pid_t>().ok())
+        else {
+            continue;
+        };
+        // Processes of other users cannot be read.
+        let Ok(environment) = std::fs::read(folder.path().join("environ")) else { continue };
+        if environment.split(|byte| *byte == 0).any(|own| own.starts_with(entry)) {
+            count += 1;
+            // SAFETY: a system call with numbers.
+            unsafe { libc::kill(id, libc::SIGKILL) };
+        }
+    }
+    count
+}
+
 /// Signal that ended a process.
 pub(super) fn signal(status: ExitStatus) -> Option<i32> {
     status.signal()

@@ -13,6 +13,7 @@
 mod area;
 mod calls;
 mod channel;
+mod mark;
 mod patience;
 mod process;
 mod proxy;
@@ -29,7 +30,7 @@ use std::time::Duration;
 
 pub(crate) use calls::LOST;
 pub(crate) use channel::{Channel, Death};
-pub use process::{cause, confine, end};
+pub use process::{Confined, cause, confine};
 pub(crate) use proxy::{forget, functions, instantiate, refused_setter};
 pub use worker::serve;
 

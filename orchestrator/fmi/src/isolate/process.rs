@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::Isolation;
+use super::mark::Mark;
 use super::system::{self, Descriptor};
+use crate::signals;
 
 /// Bytes of output that are kept.
 const KEPT_OUTPUT: usize = 1 << 11;
@@ -20,6 +22,7 @@ const LAST_OUTPUT: Duration = Duration::from_millis(200);
 /// A running worker.
 pub(super) struct Process {
     child: Child,
+    mark: Mark,
     output: Arc<Output>,
     ended: Option<ExitStatus>,
     // Working directory; removed after the process.
@@ -48,6 +51,7 @@ impl Process {
             .stdout(Stdio::from(writer.try_clone()?))
             .stderr(Stdio::from(writer));
         system::confine(&mut command, Some(area), isolation.memory_limit);
+        let mark = Mark::set(&mut command);
         let child = spawn(command)?;
         let output = Arc::<Output>::default();
         let own = Arc::clone(&output);
@@ -55,7 +59,7 @@ impl Process {
             .name("output of an FMU".into())
             .stack_size(1 << 16)
             .spawn(move || collect(reader, &own))?;
-        Ok(Process { child, output, ended: None, _folder: folder })
+        Ok(Process { child, mark, output, ended: None, _folder: folder })
     }
 
     /// How it ended, if it did.
@@ -102,6 +106,7 @@ impl Drop for Process {
         self.kill();
         // Also what it started and did not end.
         system::end_group(&self.child);
+        self.mark.end_all();
         // Starting it leaves holes in the heap; unless they are given back, memory grows with every worker (`make
         // study-isolation`).
         #[cfg(all(target_os = "linux", target_env = "gnu"))]
@@ -112,17 +117,24 @@ impl Drop for Process {
     }
 }
 
+/// What is known of a process that [`confine`] confined.
+pub struct Confined(Mark);
+
 /// Confines the process that `command` starts: a group of its own, `memory` bytes of address space, no descriptors but
 /// the standard streams, and its end with the thread that starts it.
-pub fn confine(command: &mut Command, memory: u64) {
+pub fn confine(command: &mut Command, memory: u64) -> Confined {
     system::confine(command, None, memory);
+    Confined(Mark::set(command))
 }
 
-/// Ends a process that [`confine`] confined, with all that it started and that stayed in its group.
-pub fn end(child: &mut Child) {
-    system::end_group(child);
-    let _ = child.kill();
-    let _ = child.wait();
+impl Confined {
+    /// Ends the process with all that it started.
+    pub fn end(&self, child: &mut Child) {
+        system::end_group(child);
+        let _ = child.kill();
+        let _ = child.wait();
+        self.0.end_all();
+    }
 }
 
 /// A command, and where its child is to be sent.
@@ -168,28 +180,10 @@ fn collect(mut reader: PipeReader, output: &Output) {
 /// The end of a process in words: signal or exit code.
 pub fn cause(status: ExitStatus) -> String {
     if let Some(signal) = system::signal(status) {
-        let name = match signal {
-            1 => " (SIGHUP)",
-            2 => " (SIGINT)",
-            3 => " (SIGQUIT)",
-            4 => " (SIGILL)",
-            5 => " (SIGTRAP)",
-            6 => " (SIGABRT)",
-            7 => " (SIGBUS)",
-            8 => " (SIGFPE)",
-            9 => " (SIGKILL)",
-            10 => " (SIGUSR1)",
-            11 => " (SIGSEGV)",
-            12 => " (SIGUSR2)",
-            13 => " (SIGPIPE)",
-            14 => " (SIGALRM)",
-            15 => " (SIGTERM)",
-            24 => " (SIGXCPU)",
-            25 => " (SIGXFSZ)",
-            31 => " (SIGSYS)",
-            _ => "",
+        return match signals::known(signal) {
+            Some(known) => format!("signal {known}"),
+            None => format!("signal {signal}"),
         };
-        return format!("signal {signal}{name}");
     }
     status.code().map_or_else(|| status.to_string(), |code| format!("exit code {code}"))
 }
