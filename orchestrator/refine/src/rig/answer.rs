@@ -22,6 +22,9 @@ use crate::watch::{Listener, Watched};
 /// Share of a limited time that the search for an explanation to the noise may use.
 const EXACT_SHARE_OF_TIME: f64 = 0.5;
 
+/// Share of the error by which effects of the list may take away less than a law and stand in its place.
+const MAX_SHARE_BELOW_LAW: f64 = 0.02;
+
 /// Finds what a rig's declared model lacks; `listener` hears how far it is.
 pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Listener) -> Answer {
     let watched = Watched::new(rig.system.as_ref(), listener);
@@ -75,12 +78,28 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     if !improved && found.verdict == Verdict::Effect {
         selection_answer::shares(rig, &mut found);
     }
+    let without_law = found.clone();
     selection_answer::explain_by_law(rig, settings, &mut found);
+    // A law that leaves more than noise says that more than one thing is missing, as on a rig that is off everywhere.
+    if exact_part && cylinder.is_none() && found.verdict == Verdict::Law && !found.complete {
+        let mut by_share = without_law;
+        let improved =
+            selection_answer::select_by_share(rig, &search, &declared, groups, settings, &mut by_share);
+        if improved && does_as_well_as_law(&by_share, &found) {
+            found = by_share;
+        }
+    }
     explained::refuse_where_nothing_is(&mut found, "actuator");
     explained::refuse_where_validation_shows_more(&mut found, "actuator");
     explained::refuse_what_explains_too_little(&mut found, "actuator");
     found.partial = stop::ended();
     found
+}
+
+/// Whether effects take away about the share of a law: they say more than a formula.
+fn does_as_well_as_law(effects: &Answer, law: &Answer) -> bool {
+    let share = |answer: &Answer| answer.share.unwrap_or(0.0);
+    effects.verdict == Verdict::Effect && share(effects) >= share(law) - MAX_SHARE_BELOW_LAW
 }
 
 /// Whether a candidate acts behind the load cell.
