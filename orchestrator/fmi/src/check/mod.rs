@@ -5,6 +5,7 @@
 //! library: both interfaces, reset, saved states, derivatives against differences, declared dependencies against
 //! observed ones. What makes an FMU unusable is not a finding but an error of [`Fmu::open`].
 
+mod arrays;
 mod attributes;
 mod continuous;
 mod dependencies;
@@ -80,7 +81,9 @@ pub fn static_findings(fmu: &Fmu) -> Vec<Finding> {
     if let Some(root) = description.and_then(|bytes| crate::xml::parse(&bytes).ok()) {
         schema::check(&root, fmu.description.is_fmi3(), &mut findings);
         files::check_sources(fmu, &root, &mut findings);
-        if !fmu.description.is_fmi3() {
+        if fmu.description.is_fmi3() {
+            arrays::check(&root, &mut findings);
+        } else {
             roles::check_default_variability(&root, &mut findings);
         }
     }

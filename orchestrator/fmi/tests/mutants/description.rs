@@ -436,6 +436,35 @@ pub const MUTANTS: &[Mutant] = &[
             "<Output valueReference=\"21\" dependencies=\"\"/>",
         )]),
     ),
+    three(
+        "FMI 3.0: more start values than elements",
+        "start-count",
+        Text(&[("variability=\"discrete\" start=\"0\"/>", "variability=\"discrete\" start=\"0 0\"/>")]),
+    ),
+    three(
+        "FMI 3.0: fewer start values than elements",
+        "start-count",
+        Text(&[(
+            "    <Float64 name=\"indicator\"",
+            "    <Float64 name=\"more\" valueReference=\"90\" causality=\"parameter\" variability=\"fixed\" start=\"1 2\"><Dimension start=\"3\"/></Float64>\n    <Float64 name=\"indicator\"",
+        )]),
+    ),
+    three(
+        "FMI 3.0: a length that is its own",
+        "dimension",
+        Text(&[(
+            "    <Float64 name=\"indicator\"",
+            "    <UInt64 name=\"n\" valueReference=\"90\" causality=\"structuralParameter\" variability=\"fixed\" start=\"1\"><Dimension valueReference=\"90\"/></UInt64>\n    <Float64 name=\"indicator\"",
+        )]),
+    ),
+    three(
+        "FMI 3.0: more bytes than maxSize",
+        "max-size",
+        Text(&[(
+            "    <Float64 name=\"indicator\"",
+            "    <Binary name=\"bytes\" valueReference=\"90\" causality=\"parameter\" variability=\"fixed\" maxSize=\"2\"><Start value=\"010203\"/></Binary>\n    <Float64 name=\"indicator\"",
+        )]),
+    ),
     three("FMI 3.0: UTF-16 instead of UTF-8", "refused", Bytes(utf_16)),
 ];
 

@@ -134,9 +134,17 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         let found = lookup(name)?;
         Ok((found.0, catalog.value(source, quantity, found)?))
     };
+    let not_negative = |name: &Text, value: f64, zero: bool| {
+        if value > 0.0 || zero && value == 0.0 {
+            return Ok(());
+        }
+        let allowed = if zero { "zero or a positive number" } else { "a positive number" };
+        Err(source.error_at(name.place, format!("`{}` is {value} here; give {allowed}", name.text)))
+    };
     let (mut measured, mut indices, mut noise) = (Vec::new(), Vec::new(), Vec::new());
     for sensor in &settings.sensors {
         let (index, deviation) = value(sensor)?;
+        not_negative(&sensor.0, deviation, false)?;
         measured.push(match signals.of(index) {
             Some(Signal::State(i)) => Measured::State(i),
             Some(Signal::Output(i)) => Measured::Output(i),
@@ -176,28 +184,30 @@ pub fn stabilize(prepared: &mut Prepared, plan: Plan<'_>, settings: &Settings) -
         Turn { states: states.clone(), inputs: inputs.clone(), free: free.clone(), count }
     });
     turn.iter().for_each(|turn| turn.share(&mut wanted));
-    let put = |entries: &[(Text, Quantity)], states: &mut Vec<f64>, inputs: Option<&mut Vec<f64>>| {
-        let mut inputs = inputs;
-        for entry in entries {
-            let (index, value) = value(entry)?;
-            match (signals.of(index), &mut inputs) {
-                (Some(Signal::State(i)), _) => states[i] = value,
-                (Some(Signal::Input(i)), Some(inputs)) => inputs[i] = value,
-                _ => {
-                    let problem = format!(
-                        "`{}` is not a state{} of the plan",
-                        entry.0.text,
-                        if inputs.is_some() { " or input" } else { "" }
-                    );
-                    return Err(source.error_at(entry.0.place, problem));
+    let put =
+        |entries: &[(Text, Quantity)], zero: bool, states: &mut Vec<f64>, inputs: Option<&mut Vec<f64>>| {
+            let mut inputs = inputs;
+            for entry in entries {
+                let (index, value) = value(entry)?;
+                not_negative(&entry.0, value, zero)?;
+                match (signals.of(index), &mut inputs) {
+                    (Some(Signal::State(i)), _) => states[i] = value,
+                    (Some(Signal::Input(i)), Some(inputs)) => inputs[i] = value,
+                    _ => {
+                        let problem = format!(
+                            "`{}` is not a state{} of the plan",
+                            entry.0.text,
+                            if inputs.is_some() { " or input" } else { "" }
+                        );
+                        return Err(source.error_at(entry.0.place, problem));
+                    }
                 }
             }
-        }
-        Ok(())
-    };
-    put(&settings.deviation, &mut wanted.state_deviation, Some(&mut wanted.input_deviation))?;
-    put(&settings.drift, &mut wanted.state_drift, Some(&mut wanted.input_drift))?;
-    put(&settings.initial, &mut wanted.initial, None)?;
+            Ok(())
+        };
+    put(&settings.deviation, false, &mut wanted.state_deviation, Some(&mut wanted.input_deviation))?;
+    put(&settings.drift, true, &mut wanted.state_drift, Some(&mut wanted.input_drift))?;
+    put(&settings.initial, true, &mut wanted.initial, None)?;
     let mut repeated = None;
     let (controller, rows, mode) = match &mut plant {
         Plant::One(leg, nominal) => {

@@ -61,6 +61,11 @@ fn shown(study: &Study, model: &Model, c: usize) -> bool {
         // One below -1 is a wrong sign, no gain.
         Law::Gain => p[first] > -1.0,
         Law::Cogging => p[first + 2] <= 0.5 * travel,
+        // An offset larger than any value that passed is another model of what it passes into.
+        Law::Bias => {
+            let (low, high) = study.range(tap, Variable::Value);
+            high <= low || p[first].abs() <= high.max(-low)
+        }
         // Coarser steps of a force look like a friction that holds.
         Law::Quantization => {
             let (low, high) = study.range(tap, Variable::Value);
