@@ -132,7 +132,7 @@ def optimize(
     folder
         Base of the paths in a dictionary.
     progress
-        Show the progress, on a terminal.
+        Show the progress, on a terminal or in a notebook.
     **options
         Options of the command line: ``intervals=200``, ``no_plots=True`` ...
 
@@ -194,6 +194,7 @@ def trials(
     system: "str | os.PathLike[str] | Outcome",
     *,
     output: "str | os.PathLike[str] | None" = None,
+    progress: bool = True,
     **options: object,
 ) -> Outcome:
     """Tries a stabilized plan on perturbed systems with sensor noise (``airloop trials``).
@@ -204,6 +205,8 @@ def trials(
         What :func:`stabilize` returned, or its folder.
     output
         Folder for the results; default: a temporary one.
+    progress
+        Show the progress, on a terminal or in a notebook.
     **options
         Options of the command line: ``count=200``, ``scale=2`` ...
 
@@ -213,7 +216,7 @@ def trials(
         ``table("trials")`` has one row per trial.
     """
     place = str(system.folder) if isinstance(system, Outcome) else os.fspath(system)
-    return command(["trials", place], options, output)
+    return command(["trials", place], options, output, progress=progress)
 
 
 def excite(kind: str, **options: object) -> "dict[str, Any]":

@@ -7,8 +7,9 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO
+from threading import Thread
 
+from . import _progress
 from ._folders import PROGRAM
 from ._log import LOGGER, lines as log_lines
 from ._native import AirloopError, SettingError
@@ -16,6 +17,8 @@ from ._native import AirloopError, SettingError
 _USAGE = 2
 _INTERRUPTED = 130
 _GRACE_S = 10.0
+# Start of a line on the progress.
+_PROGRESS = "progress: "
 
 
 class CommandError(AirloopError):
@@ -92,7 +95,7 @@ def run(
     cwd
         Folder in which it runs.
     progress
-        Show its progress, where the standard error is a terminal.
+        Show its progress, on a terminal or in a notebook.
 
     Returns
     -------
@@ -108,14 +111,21 @@ def run(
     KeyboardInterrupt
         Ctrl-C; the program is asked to end, too.
     """
-    shown: IO[str] | int = sys.stderr if progress and sys.stderr.isatty() else subprocess.PIPE
+    renewed = progress and _progress.in_notebook()
+    to_terminal = progress and not renewed and sys.stderr.isatty()
     command = [path(), *arguments]
     LOGGER.debug("%s", " ".join(command))
     with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=shown, text=True, cwd=cwd
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=sys.stderr if to_terminal else subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "AIRLOOP_PROGRESS": "lines"} if renewed else None,
     ) as process:
         try:
-            out, err = process.communicate()
+            out, err = _shown(process) if renewed else process.communicate()
         except BaseException:
             # In a notebook Ctrl-C reaches this process only.
             process.send_signal(signal.SIGINT)
@@ -135,6 +145,28 @@ def run(
     if code == _USAGE:
         raise SettingError(message)
     raise CommandError(message, code)
+
+
+def _shown(process: "subprocess.Popen[str]") -> tuple[str, str]:
+    """Standard output and error of a process to its end; what it tells of its progress is shown."""
+    assert process.stdout is not None and process.stderr is not None
+    output: list[str] = []
+    # Cells show what their own thread displays.
+    reader = Thread(target=lambda stream: output.append(stream.read()), args=(process.stdout,), daemon=True)
+    reader.start()
+    kept = []
+    line = _progress.line()
+    try:
+        for text in process.stderr:
+            if text.startswith(_PROGRESS):
+                line.show(text.removeprefix(_PROGRESS).rstrip())
+            else:
+                kept.append(text)
+    finally:
+        line.close()
+    reader.join()
+    process.wait()
+    return "".join(output), "".join(kept)
 
 
 def main() -> None:

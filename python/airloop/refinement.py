@@ -158,7 +158,7 @@ def refine(
     set
         Numbers that decide the answer (``report.data["settings"]["table"]``).
     progress
-        Show the progress, on a terminal.
+        Show the progress, on a terminal or in a notebook.
     **options
         Options of the command line: ``max_effects=2``, ``budget="2 min"``, ``threads=1`` ...
 

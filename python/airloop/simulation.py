@@ -6,11 +6,14 @@ from typing import Any, Union
 
 import numpy as np
 
+from . import program
 from ._native import Batch as _Batch
 from ._native import SettingError
 from ._native import Simulation as _Simulation
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+Where = Union[None, int, Sequence[int], Sequence[bool], "np.ndarray[Any, np.dtype[Any]]"]
+"""Some instances of a batch: their numbers, or a mask; None for all."""
 
 
 class Simulation:
@@ -57,6 +60,13 @@ class Simulation:
     def restore(self, saved: tuple[float, bytes]) -> None:
         """Returns to what :meth:`save` returned."""
         self._native.restore(*saved)
+
+    def reset(self, set: Mapping[str, "float | int | bool | str"] | None = None) -> None:
+        """Begins again at the start time, with start values of parameters and states as in ``instantiate``.
+
+        Inputs have their start values again. Start values given to ``instantiate`` hold where ``set`` has no other.
+        """
+        self._native.reset([(name, program.text(value)) for name, value in (set or {}).items()])
 
     def close(self) -> None:
         """Frees the instances; a second call does nothing."""
@@ -158,6 +168,61 @@ class Batch:
             given.append((name, np.ascontiguousarray(full)))
         tables = self._native.rollout(given, list(read), steps)
         return dict(zip(read, tables, strict=True))
+
+    def save(self, where: "Where" = None) -> list[tuple[float, bytes]]:
+        """Times and states of instances, for :meth:`restore`; every FMU must be able to serialize its state.
+
+        Parameters
+        ----------
+        where
+            Instances: numbers, or a mask of shape ``[batch]``; default: all.
+        """
+        return self._native.save(self._which(where))
+
+    def restore(self, saved: Sequence[tuple[float, bytes]], where: "Where" = None) -> None:
+        """Returns instances to what :meth:`save` returned: one state for each of them, in their order.
+
+        A state may be restored in another instance than that of which it was saved.
+        """
+        which = self._which(where)
+        if len(saved) != len(which):
+            raise SettingError(f"{len(saved)} states are given for {len(which)} instances")
+        self._native.restore(which, list(saved))
+
+    def reset(self, where: "Where" = None, set: "Mapping[str, float | Sequence[float] | Array] | None" = None) -> None:
+        """Makes instances begin again at the start time, such as those of an environment whose episode is over.
+
+        Parameters
+        ----------
+        where
+            Instances: numbers, or a mask of shape ``[batch]``, e.g. ``batch.ended``; default: all.
+        set
+            Start values of parameters and states by name: a number, or one for each of these instances. Without them those
+            of ``instantiate`` hold; inputs have their start values again.
+        """
+        which = self._which(where)
+        columns = []
+        for name, value in (set or {}).items():
+            try:
+                column = np.broadcast_to(np.asarray(value, dtype=np.float64), (len(which),))
+            except ValueError:
+                found = np.shape(value)
+                raise SettingError(f"`{name}` has the shape {found}; give a number or the shape ({len(which)},)") from None
+            columns.append((name, column.tolist()))
+        self._native.reset(which, columns)
+
+    def _which(self, where: "Where") -> list[int]:
+        """Numbers of the instances that are meant."""
+        if where is None:
+            return list(range(self.size))
+        numbers = np.asarray(where)
+        if numbers.size == 0:
+            return []
+        try:
+            found = np.arange(self.size)[numbers]
+        except IndexError as error:
+            raise SettingError(f"`where`: {error}; the batch has {self.size} instances") from None
+        return [int(number) for number in np.atleast_1d(found)]
 
     def close(self) -> None:
         """Frees the instances; a second call does nothing."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from . import data, program
+from . import _progress, data, program
 from ._log import LOGGER
 from ._native import SimulationError
 from ._native import System as _Graph
@@ -127,7 +127,7 @@ class System:
         corrections: int | None = None,
         iterate: float | None = None,
         coupling_inputs: Literal["ramped", "held"] | None = None,
-        progress: Callable[[int, int], object] | None = None,
+        progress: "bool | Callable[[int, int], object] | None" = None,
     ) -> Result:
         """Simulates the system; the numbers are those of ``airloop run``, bit for bit.
 
@@ -160,7 +160,7 @@ class System:
         corrections, iterate, coupling_inputs
             Options of the interface-Jacobian master.
         progress
-            Called now and then with the steps done and all steps.
+            Called now and then with the steps done and all steps; True: they are shown, on a terminal or in a notebook.
 
         Returns
         -------
@@ -192,7 +192,14 @@ class System:
         )
         driving = None if inputs is None else data.record(inputs, "inputs")
         compared = None if measured is None else data.record(measured, "measured")
-        answer = self._graph_of(master).run(options, driving, compared, progress)
+        line = _progress.line(progress is True)
+        told = progress if callable(progress) else None
+        if progress is True:
+            told = lambda done, total: line.show(f"{done} of {total} steps")  # noqa: E731
+        try:
+            answer = self._graph_of(master).run(options, driving, compared, told)
+        finally:
+            line.close()
         result = Result(self, master, answer)
         if answer["error"] is not None:
             error: Exception = answer["error"]

@@ -7,15 +7,18 @@ use airloop_cosim::master::embedded::{Place, Reader};
 use airloop_cosim::system::SystemGraph;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use rayon::prelude::*;
 
 use crate::error::{AirloopError, ClosedError, SettingError, raise};
 use crate::lane::{Lane, Names, Stop, checked};
+use crate::system::started;
 
 /// Instances of one system.
 #[pyclass(frozen, module = "airloop._native")]
 pub struct Batch {
     graph: Arc<SystemGraph>,
+    settings: Settings,
     names: Names,
     lanes: Mutex<Vec<Lane>>,
     size: usize,
@@ -49,7 +52,8 @@ impl Batch {
         let make = |_| Lane::new(&graph, settings);
         let lanes = py.detach(|| (0..batch).map(make).collect::<Result<Vec<_>, _>>()).map_err(raise)?;
         let names = Names::new(&graph);
-        Ok(Batch { graph, names, lanes: Mutex::new(lanes), size: batch, pool, threads })
+        let (settings, lanes) = (settings.clone(), Mutex::new(lanes));
+        Ok(Batch { graph, settings, names, lanes, size: batch, pool, threads })
     }
 
     /// The instances, at least one, without the interpreter's lock and in the threads of the batch.
@@ -215,6 +219,52 @@ impl Batch {
         };
         use numpy::PyArrayMethods;
         (0..places.len()).map(table).collect()
+    }
+
+    /// Times and states of the instances `which` as bytes.
+    fn save<'py>(&self, py: Python<'py>, which: Vec<usize>) -> PyResult<Vec<(f64, Bound<'py, PyBytes>)>> {
+        let saved = self.with(py, |lanes| {
+            let one = |&number: &usize| lanes[number].save().map_err(|error| (number, Stop::Failed(error)));
+            which.iter().map(one).collect::<Result<Vec<_>, _>>()
+        })?;
+        Ok(saved.into_iter().map(|(time, bytes)| (time, PyBytes::new(py, &bytes))).collect())
+    }
+
+    /// Returns the instances `which` to saved states, one for each.
+    fn restore(&self, py: Python<'_>, which: Vec<usize>, saved: Vec<(f64, Vec<u8>)>) -> PyResult<()> {
+        let done = self.with(py, |lanes| {
+            for (&number, (time, bytes)) in which.iter().zip(&saved) {
+                let failed = |error| (number, Stop::Failed(error));
+                if !lanes[number].restore(*time, bytes).map_err(failed)? {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        })?;
+        let refused =
+            || SettingError::new_err("this state is not one of this system; give what save() returned");
+        done.then_some(()).ok_or_else(refused)
+    }
+
+    /// Makes the instances `which` anew, at the start time and with the start values `set`, one for each of them.
+    fn reset(&self, py: Python<'_>, which: Vec<usize>, set: Vec<(String, Vec<f64>)>) -> PyResult<()> {
+        let graphs = (0..which.len()).map(|k| {
+            let own: Vec<(String, String)> =
+                set.iter().map(|(name, values)| (name.clone(), values[k].to_string())).collect();
+            if own.is_empty() {
+                Ok(Arc::clone(&self.graph))
+            } else {
+                started(&self.graph, &own).map(Arc::new)
+            }
+        });
+        let graphs = graphs.collect::<PyResult<Vec<_>>>()?;
+        self.with(py, |lanes| {
+            for (&number, graph) in which.iter().zip(&graphs) {
+                let made = Lane::new(graph, &self.settings);
+                lanes[number] = made.map_err(|error| (number, Stop::Failed(error)))?;
+            }
+            Ok(())
+        })
     }
 
     /// Frees the instances.

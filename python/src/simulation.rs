@@ -10,11 +10,13 @@ use pyo3::types::{PyBytes, PyDict, PyString};
 
 use crate::error::{ClosedError, SettingError, raise};
 use crate::lane::{Lane, Names, checked};
+use crate::system::started;
 
 /// An instance of a system.
 #[pyclass(frozen, module = "airloop._native")]
 pub struct Simulation {
     graph: Arc<SystemGraph>,
+    settings: Settings,
     names: Names,
     lane: Mutex<Option<Lane>>,
 }
@@ -27,7 +29,7 @@ impl Simulation {
     pub fn open(py: Python<'_>, graph: Arc<SystemGraph>, settings: &Settings) -> PyResult<Simulation> {
         let lane = py.detach(|| Lane::new(&graph, settings)).map_err(raise)?;
         let names = Names::new(&graph);
-        Ok(Simulation { graph, names, lane: Mutex::new(Some(lane)) })
+        Ok(Simulation { graph, settings: settings.clone(), names, lane: Mutex::new(Some(lane)) })
     }
 
     /// Waits for the instance without the interpreter's lock, as another thread may be in a step.
@@ -130,6 +132,25 @@ impl Simulation {
         let refused =
             || SettingError::new_err("this state is not one of this system; give what save() returned");
         done.then_some(()).ok_or_else(refused)
+    }
+
+    /// Makes the instances anew, at the start time and with start values.
+    fn reset(&self, py: Python<'_>, set: Vec<(String, String)>) -> PyResult<()> {
+        let changed = started(&self.graph, &set)?;
+        let mut lane = self.lock(py);
+        if lane.is_none() {
+            return Err(ClosedError::new_err(
+                "the simulation is closed; make a new one with system.instantiate()",
+            ));
+        }
+        // The old ones go first: some FMUs have one instance in a process.
+        let old = lane.take();
+        let made = py.detach(|| {
+            drop(old);
+            Lane::new(&changed, &self.settings)
+        });
+        *lane = Some(made.map_err(raise)?);
+        Ok(())
     }
 
     /// Frees the instances; a second call does nothing.

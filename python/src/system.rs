@@ -154,7 +154,10 @@ impl System {
 }
 
 /// The system with start values.
-fn started(graph: &SystemGraph, set: &[(String, String)]) -> PyResult<SystemGraph> {
+///
+/// # Errors
+/// A name or value that does not fit.
+pub fn started(graph: &SystemGraph, set: &[(String, String)]) -> PyResult<SystemGraph> {
     let mut graph = graph.clone();
     simulation::set_start_values(&mut graph, set, run::place, None).map_err(raise)?;
     Ok(graph)

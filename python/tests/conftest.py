@@ -1,6 +1,7 @@
 """The package under test is the one that is installed, never the source tree."""
 
 import os
+import signal
 import subprocess
 from pathlib import Path
 
@@ -13,6 +14,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def pytest_sessionstart(session):
+    # Shells start what runs in the background with Ctrl-C ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     installed = Path(airloop.__file__).resolve()
     if ROOT / "python" in installed.parents and not os.environ.get("AIRLOOP_SOURCE_TREE"):
         pytest.exit(f"{installed} is the source tree: install the wheel (`make test-wheel`)", returncode=2)

@@ -128,3 +128,61 @@ def test_one_simulation_may_be_used_by_several_threads(system):
             thread.join()
         alone.step(count=2000)
         assert sim.get("x") == alone.get("x")
+
+
+def test_instances_of_a_batch_are_saved_restored_and_begin_again(system):
+    u = np.array([-1.0, 0.5, 2.0])
+    with system.instantiate(step="1ms", batch=3, threads=2) as batch:
+        batch.set(u=u)
+        begin = batch.get("x", "theta")
+        batch.step(count=50)
+        saved, then = batch.save(), batch.get("x", "theta")
+        batch.step(count=50)
+        later = batch.get("x", "theta")
+        # One alone, then all; a state of one instance is put into another one.
+        batch.restore(saved[1:2], where=1)
+        assert np.array_equal(batch.get("x", "theta")[1], then[1]) and np.array_equal(batch.get("x")[[0, 2]], later[[0, 2], 0])
+        batch.restore(saved)
+        assert np.array_equal(batch.get("x", "theta"), then) and np.all(batch.time == 0.05)
+        batch.step(count=50)
+        assert np.array_equal(batch.get("x", "theta"), later)
+        batch.restore(batch.save(where=[0]), where=[2])
+        assert batch.get("x")[2] == later[0, 0]
+        # An episode that is over begins again; the others go on.
+        batch.reset(where=np.array([False, True, False]))
+        assert np.array_equal(batch.get("x", "theta")[1], begin[1]) and batch.time.tolist() == [0.1, 0.0, 0.1]
+        batch.set(u=u)
+        batch.step(count=100)
+        assert np.array_equal(batch.get("x", "theta")[1], later[1])
+        batch.reset(set={"cart_pole.theta": [0.1, 0.2, 0.3], "cart_pole.m_c": 1.5})
+        assert batch.get("theta").tolist() == [0.1, 0.2, 0.3] and np.all(batch.get("cart_pole.m_c") == 1.5)
+        batch.reset(where=[])
+        for wrong, text in [({"where": [3]}, "3 instances"), ({"set": {"cart_pole.theta": [1.0, 2.0]}}, "shape")]:
+            with pytest.raises(airloop.SettingError, match=text):
+                batch.reset(**wrong)
+        with pytest.raises(airloop.SystemFileError, match="there is no variable `no`"):
+            batch.reset(set={"no": 1.0})
+        with pytest.raises(airloop.SettingError, match="2 states are given for 3"):
+            batch.restore(saved[:2])
+        with pytest.raises(airloop.SettingError, match="save"):
+            batch.restore([(0.0, b"nothing")], where=0)
+        assert batch.get("theta").tolist() == [0.1, 0.2, 0.3]
+
+
+def test_one_instance_begins_again(system):
+    with system.instantiate(step="1ms", set={"cart_pole.m_c": 1.5}) as sim:
+        sim.set(u=1.0)
+        sim.step(count=50)
+        x = sim.get("x")
+        sim.reset()
+        assert sim.time == 0.0 and sim.get("cart_pole.m_c") == 1.5
+        sim.set(u=1.0)
+        sim.step(count=50)
+        assert sim.get("x") == x
+        sim.reset({"cart_pole.theta": 0.25})
+        assert sim.get("theta") == 0.25
+        with pytest.raises(airloop.SystemFileError, match="there is no variable `none`"):
+            sim.reset({"cart_pole.none": 1.0})
+        sim.step()
+    with pytest.raises(airloop.ClosedError, match="closed"):
+        sim.reset()

@@ -13,10 +13,10 @@ from test_study import named, refine
 MAKE = ROOT / "tests" / "study" / "third_party" / "make_third_party.py"
 
 
-def machine(tmp_path, name):
+def machine(tmp_path, name, seed=1):
     """A case of the bench with what is true of it."""
     made = subprocess.run(
-        [sys.executable, MAKE, tmp_path / "cases", "--only", f"^{name}$"], capture_output=True, text=True, timeout=100
+        [sys.executable, MAKE, tmp_path / "cases", "--only", f"^{name}$", "--seed", str(seed)], capture_output=True, text=True, timeout=100
     )
     assert made.returncode == 0, made.stderr
     folder = tmp_path / "cases" / name
@@ -109,6 +109,19 @@ def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
     assert run.returncode == 0, run.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
+def test_a_stribeck_peak_beside_coulomb_friction_that_no_attachment_shows_is_named_alone(tmp_path):
+    folder, truth = machine(tmp_path, "servo_e_stribeck_tau_l", seed=5150)
+    result = refine(folder / "plain.toml", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == ["stribeck@tau_l"] and found["complete"]
+    true, effect = truth["effects"][0]["params"], found["effects"][0]["params"]
+    for name in ("force", "vs"):
+        # Intervals of 95 %; twice as wide ones hold the truth in all but one of ten thousand.
+        low, high = effect[name]["ci95"]
+        assert abs(effect[name]["value"] - true[name]["value"]) < high - low
 
 
 def test_an_inertia_that_is_far_from_its_declared_value_is_named_where_nothing_fits_to_the_noise(tmp_path):

@@ -22,6 +22,7 @@ mod keys;
 pub mod new;
 pub mod optimize;
 pub mod output;
+mod progress;
 #[cfg(test)]
 mod reference;
 pub mod refine;

@@ -1,14 +1,13 @@
 //! How far a search is, on a terminal, and what Ctrl-C does to it.
 
-use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::interrupt;
+use super::{interrupt, progress};
 use airloop_refine::engine::stop;
 use airloop_refine::watch::Event;
 
@@ -20,13 +19,10 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Shown on a terminal only; `draws` of the simulated noise are expected.
+    /// `draws` of the simulated noise are expected.
     pub fn new(quiet: bool, draws: u64) -> Progress {
-        let shown = !quiet && std::io::stderr().is_terminal();
-        let bar = if shown { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
-        let style = "{spinner} {msg}  {elapsed}";
-        bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
-        if shown {
+        let bar = progress::bar(quiet, None, "{spinner} {msg}  {elapsed}");
+        if !bar.is_hidden() {
             bar.enable_steady_tick(Duration::from_millis(100));
         }
         Progress { bar, stage: Mutex::new(String::new()), draws }

@@ -1,18 +1,15 @@
 //! `airloop run`: simulate, write, compare, draw.
 
 use std::collections::HashSet;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
 use super::args::{InitialChoice, RunArgs};
 use super::restart::{self, Partial};
-use super::{coupling, folder, output, report, run_study};
+use super::{coupling, folder, output, progress, report, run_study};
 use airloop::Error;
 use airloop::discrepancy::signals::{self, SignalTable};
 use airloop::simulation::{self, Data, Request, Setup};
@@ -287,12 +284,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
 
 /// Runs with a progress bar (on a terminal) until `stop` is set.
 fn simulate(setup: &Setup, quiet: bool, stop: &AtomicBool, record: simulate::Record) -> Result<Run, Error> {
-    let bar = match !quiet && std::io::stderr().is_terminal() {
-        true => ProgressBar::new(0),
-        false => ProgressBar::hidden(),
-    };
-    let style = "{bar:40} {percent:>3} %  {pos}/{len} steps  {eta} left";
-    bar.set_style(ProgressStyle::with_template(style).expect("the template is well formed"));
+    let bar = progress::bar(quiet, Some(0), "{bar:40} {percent:>3} %  {pos}/{len} steps  {eta} left");
     let mut progress = |done: u64, all: u64| {
         bar.set_length(all);
         bar.set_position(done);

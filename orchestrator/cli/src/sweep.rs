@@ -5,7 +5,6 @@
     reason = "these texts are the help of the program, brackets are tables of the plan"
 )]
 
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -15,10 +14,9 @@ use airloop_sweep::manifest::{Manifest, short};
 use airloop_sweep::shard::{Done, Runner, Shard};
 use airloop_sweep::{Error as SweepError, merge, report, slurm};
 use clap::{Subcommand, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::isolate::{IsolateArgs, IsolateChoice};
-use super::{output, run};
+use super::{output, progress, run};
 
 /// Shards of a plan at most: each is a file.
 const MOST_SHARDS: u64 = 1_000_000;
@@ -252,19 +250,10 @@ fn run_all(runner: &Runner, shards: &[Shard], quiet: bool) -> Result<ExitCode, S
 
 fn one(runner: &Runner, shard: Shard, stop: &AtomicBool, quiet: bool) -> Result<Done, SweepError> {
     let tasks = shard.tasks(runner.manifest.tasks);
-    let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-        let name = format!("shard {}/{} {{bar:40}} {{pos}}/{{len}} {{eta}}", shard.index, shard.of);
-        let bar = ProgressBar::new(tasks.end - tasks.start);
-        ProgressStyle::with_template(&name).map_or(bar.clone(), |style| bar.with_style(style))
-    });
-    let done = runner.run(shard, stop, &|done| {
-        if let Some(bar) = &bar {
-            bar.set_position(done);
-        }
-    });
-    if let Some(bar) = &bar {
-        bar.finish_and_clear();
-    }
+    let template = format!("shard {}/{} {{bar:40}} {{pos}}/{{len}} {{eta}}", shard.index, shard.of);
+    let bar = progress::bar(quiet, Some(tasks.end - tasks.start), &template);
+    let done = runner.run(shard, stop, &|done| bar.set_position(done));
+    bar.finish_and_clear();
     done
 }
 

@@ -5,17 +5,15 @@
     reason = "these texts are the help of the program, brackets are tables of the settings"
 )]
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
 use super::args::MasterChoice;
 use super::table::table;
-use super::{folder, output, run};
+use super::{folder, output, progress, run};
 use airloop::Error;
 use airloop_plan::Error as PlanError;
 use airloop_plan::stabilize::record::{self, CriterionRecord, SCHEMA_VERSION, TrialsSummary};
@@ -94,19 +92,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         threads: args.threads.map_or(processors, |threads| threads as usize),
         keep: MAX_DRAWN_TRIALS,
     };
-    let bar = (!args.quiet && std::io::stderr().is_terminal()).then(|| {
-        let style = ProgressStyle::with_template("trials {bar:40} {pos}/{len} {eta}");
-        let bar = ProgressBar::new(2 * u64::from(args.count));
-        style.map_or(bar.clone(), |style| bar.with_style(style))
-    });
-    let done = trials::run(&ready, &request, &stop, &|done, _| {
-        if let Some(bar) = &bar {
-            bar.set_position(done as u64);
-        }
-    })?;
-    if let Some(bar) = &bar {
-        bar.finish_and_clear();
-    }
+    let all = 2 * u64::from(args.count);
+    let bar = progress::bar(args.quiet, Some(all), "trials {bar:40} {pos}/{len} {eta}");
+    let done = trials::run(&ready, &request, &stop, &|done, _| bar.set_position(done as u64))?;
+    bar.finish_and_clear();
     let interrupted = stop.load(Ordering::Relaxed);
 
     let results = folder::Results::open(&args.output, &[system.clone(), file.clone()], &names)?;

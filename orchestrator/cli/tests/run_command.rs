@@ -42,6 +42,36 @@ fn summary_of(folder: &TempDir, output: &str) -> summary::Summary {
 }
 
 #[test]
+fn progress_is_told_in_lines_where_a_program_asks_for_it() {
+    let folder = folder();
+    system(&folder);
+    write(&folder, "in.csv", "time,u\n0,1\n1,3\n");
+    let words = [
+        "run",
+        "system.ssd",
+        "--input",
+        "in.csv",
+        "--step",
+        "2us",
+        "--output-step",
+        "10ms",
+        "--no-plots",
+        "-o",
+        "out",
+    ];
+    let told = |asked: Option<&str>, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_airloop"));
+        command.args(words).args(more).current_dir(folder.path());
+        command.envs(asked.map(|value| ("AIRLOOP_PROGRESS", value)));
+        text(&command.output().unwrap().stderr)
+    };
+    let lines = told(Some("lines"), &[]);
+    let all = |line: &str| line.starts_with("progress: ") && line.contains("/500000 steps");
+    assert!(!lines.is_empty() && lines.lines().all(all), "{lines}");
+    assert_eq!(told(None, &[]) + &told(Some("lines"), &["--quiet"]), "");
+}
+
+#[test]
 fn a_run_writes_result_summary_and_figures() {
     let folder = folder();
     system(&folder);

@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::data::DataArgs;
 use super::report::{percent, text_table};
 use super::state_space::MethodArgs;
-use crate::{folder, output};
+use crate::{folder, output, progress};
 use airloop::Error;
 use airloop_ident::compare::{self, Entry, Family};
 use airloop_ident::record::Experiments;
@@ -141,12 +141,8 @@ fn hold_out(data: &mut Experiments) -> String {
 
 /// A bar on a terminal, else nothing.
 fn progress(args: &Args) -> indicatif::ProgressBar {
-    if args.data.quiet {
-        return indicatif::ProgressBar::hidden();
-    }
-    let style = indicatif::ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} {elapsed}");
-    let bar = indicatif::ProgressBar::new(args.state_space.range().count() as u64);
-    bar.set_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()));
+    let count = args.state_space.range().count() as u64;
+    let bar = progress::bar(args.data.quiet, Some(count), "{msg} {bar:30} {pos}/{len} {elapsed}");
     bar.set_message("state-space models");
     bar
 }

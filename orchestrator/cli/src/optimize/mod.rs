@@ -8,7 +8,6 @@ mod many;
 mod text;
 mod write;
 
-use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,10 +15,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use self::args::Args;
-use super::{folder, output, run};
+use super::{folder, output, progress, run};
 use airloop::Error;
 use airloop_ocp::transcription;
 use airloop_optim::Status;
@@ -154,7 +153,7 @@ fn search(
     began: Instant,
     stop: &AtomicBool,
 ) -> Result<Found, Error> {
-    let bar = bar(args.quiet);
+    let bar = progress::bar(args.quiet, None, BAR);
     let mut monitor = |progress: &Progress| {
         show(&bar, progress);
         if args.verbose {
@@ -286,7 +285,7 @@ fn diagnose(
     quiet: bool,
     stop: &AtomicBool,
 ) -> Result<Option<Diagnosis>, Error> {
-    let bar = bar(quiet);
+    let bar = progress::bar(quiet, None, BAR);
     bar.set_message("which limit stands in the way?");
     let mut monitor = |_: &Progress| {
         bar.tick();
@@ -304,15 +303,8 @@ fn finished(solved: &Solved) -> bool {
     matches!(solved.status(), Status::Solved | Status::Acceptable)
 }
 
-/// A line of progress, on a terminal.
-fn bar(quiet: bool) -> ProgressBar {
-    let bar = match !quiet && std::io::stderr().is_terminal() {
-        true => ProgressBar::new_spinner(),
-        false => ProgressBar::hidden(),
-    };
-    bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("the template is well formed"));
-    bar
-}
+/// Form of the line of progress.
+const BAR: &str = "{spinner} {msg}";
 
 fn show(bar: &ProgressBar, progress: &Progress) {
     let iteration = progress.iteration;

@@ -73,6 +73,7 @@ pub fn cases() -> Vec<Case> {
             "multisine --amplitude 1 --band 0.1..10 --duration 10s --period 1e308",
             "prbs --amplitude 1 --clock 0 --order 7 --duration 10s",
             "prbs --amplitude 1 --clock 10ms --order 99 --duration 10s",
+            "prbs --amplitude 1 --clock 1e30 --order 7 --duration 10s",
         ]
         .map(excite),
     );

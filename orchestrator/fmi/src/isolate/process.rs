@@ -117,7 +117,7 @@ impl Drop for Process {
     }
 }
 
-/// What is known of a process that [`confine`] confined.
+/// A process that [`confine`] confined.
 pub struct Confined(Mark);
 
 /// Confines the process that `command` starts: a group of its own, `memory` bytes of address space, no descriptors but

@@ -194,6 +194,12 @@ impl Signal {
                 check("the clock time", *clock, "s", *clock >= ts * (1.0 - 1e-9), || {
                     format!("it must be at least the sample time of {ts} s")
                 })?;
+                check("the clock time", *clock, "s", *clock < n as f64 * ts, || {
+                    format!(
+                        "it must be shorter than the signal of {} s, which would be constant",
+                        n as f64 * ts
+                    )
+                })?;
                 prbs::samples(count(*clock, ts), *order, n, seed)?
             }
         };

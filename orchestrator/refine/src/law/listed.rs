@@ -42,6 +42,8 @@ const MAX_VALIDATION_ERROR_OVER_LAW: f64 = 1.05;
 const PARAMETERS_OF_CURVE: usize = 12;
 /// Share of a value by which it may lie outside of its bounds before the fit in simulation.
 const MAX_OUTSIDE_OF_BOUNDS: f64 = 0.1;
+/// Factor of a law that changes its sign with the velocity, up to the name of its parameter.
+const SIGN_CHANGE: &str = "tanh(v/";
 /// Halvings of the steps in which shapes are improved.
 const HALVINGS: usize = 6;
 
@@ -52,6 +54,21 @@ struct Part {
     p: Vec<f64>,
 }
 
+/// The velocity over which friction of a law changes its sign, where nobody declares one at its port: port and value.
+pub fn sign_change(study: &Study, with_law: &Model) -> Option<(usize, f64)> {
+    let &[c] = &with_law.added[..] else { return None };
+    let Action::Block { law: Law::Own(index), tap } = study.candidates[c].action else { return None };
+    if study.taps[tap].attachment.vt.is_some() {
+        return None;
+    }
+    let own = &study.own[index];
+    let (_, rest) = own.formula.split_once(SIGN_CHANGE)?;
+    let name = rest.split_once(')')?.0;
+    let k = own.parameters.iter().position(|parameter| parameter.name == name)?;
+    let value = with_law.fit.parameters[study.candidates[c].entries.start + k].abs();
+    (value > 0.0).then_some((tap, value))
+}
+
 /// A law and the motion over which effects are to reproduce it.
 struct Target<'a> {
     study: &'a Study,
@@ -59,6 +76,8 @@ struct Target<'a> {
     points: Vec<Point>,
     /// Change by the law: it is taken off the value that passes, `[n]`.
     values: Vec<f64>,
+    /// Friction needs no Coulomb friction beside it that tells where it changes its sign.
+    alone: bool,
 }
 
 /// Effects of the list at the port of a law that do as well as it, with the model of the answer in `found`: a selection
@@ -141,7 +160,8 @@ impl<'a> Target<'a> {
             }
         }
         let known = values.iter().all(|value| value.is_finite()) && values.iter().any(|value| *value != 0.0);
-        known.then_some(Target { study, tap, points, values })
+        let alone = own.formula.contains(SIGN_CHANGE);
+        known.then_some(Target { study, tap, points, values, alone })
     }
 
     /// The fewest effects whose fit in simulation does as well as the law; `c`: its candidate, `known`: its parameters.
@@ -221,7 +241,7 @@ impl<'a> Target<'a> {
     /// Whether a set holds what its effects need.
     fn complete(&self, set: &[Part]) -> bool {
         let needs = |part: &Part| self.study.candidates[part.candidate].needs;
-        set.iter().filter_map(needs).all(|needed| set.iter().any(|own| own.candidate == needed))
+        self.alone || set.iter().filter_map(needs).all(|needed| set.iter().any(|own| own.candidate == needed))
     }
 
     /// Effects at the port, with every shape to start from.

@@ -17,6 +17,7 @@ use super::remarks;
 use super::resolution;
 use super::ruling::{Ruling, alone, rule, rule_by_share, share};
 use super::search::{Say, Selection, confirm, search};
+use super::sign_change;
 use super::smoothed;
 use super::steps;
 use super::whole::Whole;
@@ -92,6 +93,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     if selection.effects() > 0 {
         correct(&mut study, &scale, &best.added, &best.fit.parameters);
     }
+    let selection = sign_change::settle(&mut study, &scale, &judge, selection);
     let fits = Fits::new(&study, scale.clone());
     let selection = if selection.exact {
         let best = exact::refitted(&fits, &selection.best);
@@ -144,7 +146,9 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         }
     };
     let (selection, with_law) = match with_law {
-        Some(law) => listed_instead(&study, &scale, &judge, (selection, law), &mut found, (settings, say)),
+        Some(law) => {
+            listed_instead(&mut study, &scale, &judge, (selection, law), &mut found, (settings, say))
+        }
         None => (selection, None),
     };
     if let Some((model, law)) = with_law.as_ref().zip(found.law.as_ref()) {
@@ -206,23 +210,33 @@ fn finely(
 
 /// Effects of the list in place of the law of an answer, where some do as well; else both as they are.
 fn listed_instead(
-    study: &Study,
+    study: &mut Study,
     scale: &[f64],
     judge: &Judge,
     (selection, law): (Selection, Model),
     found: &mut Answer,
     (settings, say): (&Settings, Say),
 ) -> (Selection, Option<Model>) {
-    let declared = &selection.declared;
-    let Some(listed) = listed::in_place_of(study, scale, judge, (declared, &law), found, say) else {
+    // Friction of the list changes its sign where that of the law does.
+    let sign_change = listed::sign_change(study, &law);
+    let usual = sign_change.map(|(tap, vt)| (tap, std::mem::replace(&mut study.taps[tap].vt, vt)));
+    let listed = listed::in_place_of(study, scale, judge, (&selection.declared, &law), found, say);
+    let better = listed.and_then(|listed| {
+        let listed = Selection { singles: selection.singles.clone(), ..listed };
+        say("errors on all records");
+        let answer = assemble(&Fits::new(study, scale.to_vec()), judge, &listed, None, settings);
+        (answer.verdict == Verdict::Effect).then_some((listed, answer))
+    });
+    let Some((listed, mut answer)) = better else {
+        if let Some((tap, vt)) = usual {
+            study.taps[tap].vt = vt;
+        }
         return (selection, Some(law));
     };
-    let listed = Selection { singles: selection.singles.clone(), ..listed };
-    say("errors on all records");
-    let mut answer = assemble(&Fits::new(study, scale.to_vec()), judge, &listed, None, settings);
-    if answer.verdict != Verdict::Effect {
-        return (selection, Some(law));
-    }
+    answer.notes.extend(sign_change.map(|(tap, vt)| {
+        let own = &study.taps[tap];
+        format!("Friction at {} changes its sign over {vt:.4} {}, as in the law.", own.name, own.units[1])
+    }));
     answer.notes.extend(found.law.as_ref().map(|law| {
         format!(
             "A law at {} gives the same and is no better: {}.",

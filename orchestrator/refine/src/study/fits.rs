@@ -384,9 +384,13 @@ impl<'a> Fits<'a> {
         let mut added = base.added.clone();
         added.extend(own.needs.filter(|needs| !added.contains(needs)));
         added.push(c);
-        let start = &own.starts[own.starts.len() / 2];
         let mut p = base.fit.parameters.clone();
-        own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+        // The friction beside it, too: a sign that changes over no velocity has no value.
+        for &other in &added[base.added.len()..] {
+            let own = &self.study.candidates[other];
+            let start = &own.starts[own.starts.len() / 2];
+            own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
+        }
         if p[index] != 0.0 {
             return Some(1e-3 * p[index].abs());
         }

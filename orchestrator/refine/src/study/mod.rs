@@ -60,6 +60,7 @@ pub(crate) mod ruling;
 pub mod search;
 pub(crate) mod sensors;
 mod sign;
+mod sign_change;
 pub mod signal;
 pub mod simulate;
 pub mod smoothed;
