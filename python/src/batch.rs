@@ -52,7 +52,7 @@ impl Batch {
         let make = |_| Lane::new(&graph, settings);
         let lanes = py.detach(|| (0..batch).map(make).collect::<Result<Vec<_>, _>>()).map_err(raise)?;
         let names = Names::new(&graph);
-        let (settings, lanes) = (settings.clone(), Mutex::new(lanes));
+        let (settings, lanes) = (*settings, Mutex::new(lanes));
         Ok(Batch { graph, settings, names, lanes, size: batch, pool, threads })
     }
 

@@ -29,7 +29,7 @@ impl Simulation {
     pub fn open(py: Python<'_>, graph: Arc<SystemGraph>, settings: &Settings) -> PyResult<Simulation> {
         let lane = py.detach(|| Lane::new(&graph, settings)).map_err(raise)?;
         let names = Names::new(&graph);
-        Ok(Simulation { graph, settings: settings.clone(), names, lane: Mutex::new(Some(lane)) })
+        Ok(Simulation { graph, settings: *settings, names, lane: Mutex::new(Some(lane)) })
     }
 
     /// Waits for the instance without the interpreter's lock, as another thread may be in a step.
