@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm on-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slurm on-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-thresholds study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -29,7 +29,7 @@ test-slurm: fmu      ## a sweep on a Slurm cluster of three nodes on this comput
 	$(MAKE) --no-print-directory on-slurm
 
 PROGRAM ?= target/release/airloop
-on-slurm:            # the same with a program that is built
+on-slurm:            ## the same with a program that is built: PROGRAM=target/debug/airloop
 	if [ "$$(id -u)" = 0 ] && ! command -v slurmd >/dev/null; then apt-get update -qq && apt-get install -y -qq slurmctld slurmd slurm-client munge || echo "Slurm cannot be installed here"; fi
 	python3 tests/slurm/run.py $(PROGRAM)
 
@@ -120,6 +120,11 @@ study-third-party: fmu   ## machines of other kinds as FMUs in C, and what `airl
 	.venv/bin/python tests/study/third_party/make_third_party.py out/study-third-party/cases --seed $(strip $(SEED)) --only '$(strip $(ONLY))'
 	.venv/bin/python tests/study/third_party/score_third_party.py target/release/airloop out/study-third-party/cases out/study-third-party/reports \
 		--flavor $(strip $(FLAVOR)) --only '$(strip $(ONLY))' --sample $(strip $(SAMPLE))
+
+study-thresholds: fmu ## settings of the search moved one at a time, effects missed against effects named wrongly: out/study-thresholds
+	scripts/setup.sh study
+	.venv/bin/python tests/study/third_party/make_third_party.py out/study-third-party/cases --seed $(strip $(SEED)) --only '_m_'
+	.venv/bin/python tests/study/third_party/thresholds.py target/release/airloop out/study-third-party/cases out/study-thresholds
 
 CASES ?= data/rig     # folders with a case.toml, of the rig of examples/01_run
 study-rig-over-fmus: fmu ## the rig's coupled cases as studies over FMUs, and their own answers: out/study-rig-over-fmus

@@ -16,7 +16,7 @@ import types
 
 from score_third_party import NONE, answer, row_of, sampled
 
-# Smaller and larger values beside the default (`airloop refine` shows it as None).
+# A smaller and a larger value than the default of each setting.
 VALUES = {
     "min_gain": (5, 80),
     "min_held_out_share": (0.1, 0.4),
