@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::Findings;
+use super::{Findings, Severity};
 use crate::xml::Element;
 
 /// Judges the variables of a description.
@@ -36,7 +36,10 @@ pub(super) fn check(root: &Element, findings: &mut Findings) {
         if let Some(elements) = elements.filter(|elements| starts > 1 && *elements != starts) {
             let message =
                 format!("{starts} start values for {elements} elements; give as many, or one for all");
-            findings.error("start-count", place(), message);
+            // Values for the elements that a longer array would have do no harm.
+            let spare = starts > elements && dimensions().any(|one| number(one, "valueReference").is_some());
+            let severity = if spare { Severity::Note } else { Severity::Error };
+            findings.add(severity, "start-count", place(), message);
         }
         let Some(most) = number(element, "maxSize").filter(|_| element.name == "Binary") else { continue };
         let sizes = element.children("Start").filter_map(|start| start.attribute("value"));

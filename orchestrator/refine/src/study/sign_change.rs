@@ -1,7 +1,8 @@
 //! Coulomb friction that is there only to say over which velocity other friction changes its sign.
 //!
 //! Where no attachment declares that velocity, friction of other shapes takes it from Coulomb friction that is fitted
-//! beside it. If the declared model has all of the level, that friction is zero: the velocity is the attachment's then.
+//! beside it. If the declared model has all of the level, that friction does nothing: the velocity is the attachment's
+//! then.
 
 use super::exact;
 use super::explain::Judge;
@@ -10,14 +11,12 @@ use super::law::Law;
 use super::model::{Action, Study};
 use super::search::Selection;
 
-/// Standard deviations of its level within which Coulomb friction may be zero.
-const MAX_DEVIATIONS: f64 = 2.0;
 /// Ratio of the error without it to that with it, up to which nothing is lost.
 const MAX_ERROR_RATIO: f64 = 1.002;
 
 /// The selection without such friction; as it is where that explains less.
 pub fn settle(study: &mut Study, scale: &[f64], judge: &Judge, selection: Selection) -> Selection {
-    let Some((c, tap, vt)) = empty(study, &selection.best) else { return selection };
+    let Some((c, tap, vt)) = beside(study, &selection.best) else { return selection };
     let before = std::mem::replace(&mut study.taps[tap].vt, vt);
     let fits = Fits::new(study, scale.to_vec());
     let own = &selection.best;
@@ -42,19 +41,14 @@ pub fn settle(study: &mut Study, scale: &[f64], judge: &Judge, selection: Select
     }
 }
 
-/// Coulomb friction whose level may be zero and that other friction needs: its place, its port, and its velocity.
-fn empty(study: &Study, model: &Model) -> Option<(usize, usize, f64)> {
+/// Coulomb friction that is fitted with the velocity of its sign change and that other friction needs: its place, its
+/// port, and that velocity.
+fn beside(study: &Study, model: &Model) -> Option<(usize, usize, f64)> {
     model.added.iter().find_map(|&c| {
         let own = &study.candidates[c];
         let Action::Block { law: Law::Coulomb, tap } = own.action else { return None };
         let is_needed = model.added.iter().any(|&other| study.candidates[other].needs == Some(c));
-        if own.entries.len() != 2 || !is_needed {
-            return None;
-        }
-        let (level, vt) =
-            (model.fit.parameters[own.entries.start], model.fit.parameters[own.entries.start + 1]);
-        let place = model.fit.free.iter().position(|free| free.index == own.entries.start)?;
-        let deviation = model.fit.covariance[(place, place)].max(0.0).sqrt();
-        (level.abs() <= MAX_DEVIATIONS * deviation).then_some((c, tap, vt))
+        let fitted = own.entries.len() == 2 && is_needed;
+        fitted.then(|| (c, tap, model.fit.parameters[own.entries.start + 1]))
     })
 }
