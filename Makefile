@@ -123,8 +123,8 @@ study-third-party: fmu   ## machines of other kinds as FMUs in C, and what `airl
 
 study-thresholds: fmu ## settings of the search moved one at a time, effects missed against effects named wrongly: out/study-thresholds
 	scripts/setup.sh study
-	.venv/bin/python tests/study/third_party/make_third_party.py out/study-third-party/cases --seed $(strip $(SEED)) --only '_m_'
-	.venv/bin/python tests/study/third_party/thresholds.py target/release/airloop out/study-third-party/cases out/study-thresholds
+	.venv/bin/python tests/study/refine/make_messy.py out/study-thresholds/cases --seed $(strip $(SEED)) --only '^(m_w_|m_r_|n_friction|n_actuator)'
+	.venv/bin/python tests/study/refine/thresholds.py target/release/airloop out/study-thresholds/cases out/study-thresholds/reports
 
 CASES ?= data/rig     # folders with a case.toml, of the rig of examples/01_run
 study-rig-over-fmus: fmu ## the rig's coupled cases as studies over FMUs, and their own answers: out/study-rig-over-fmus

@@ -264,7 +264,7 @@ def test_what_is_wrong_is_named_with_its_place(plan, tmp_path):
         "[sensors]\nthetta = 1e-3\n": ["line 2", "thetta", "theta"],
         '[sensors]\ntheta = "1 mm"\n': ["line 2, column 9", "`mm` is not a unit for `theta`"],
         "[sensors]\nu = 1\n": ["line 2", "neither a state nor an output"],
-        "[sensors]\ntheta = 0\n": ["noise of measured signal[1] = 0", "positive"],
+        "[sensors]\ntheta = 0\n": ["line 2, column 1", "`theta` is 0 here", "positive"],
         "sensors = 3\n": ["line 1", "a table is wanted"],
     }
     for text, expected in cases.items():
