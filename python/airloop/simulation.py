@@ -65,6 +65,13 @@ class Simulation:
         """Begins again at the start time, with start values of parameters and states as in ``instantiate``.
 
         Inputs have their start values again. Start values given to ``instantiate`` hold where ``set`` has no other.
+
+        Raises
+        ------
+        SystemFileError
+            A name or value that does not fit; the simulation is as it was.
+        FmuError
+            An instance cannot be made again; the simulation is closed.
         """
         self._native.reset([(name, program.text(value)) for name, value in (set or {}).items()])
 
@@ -183,6 +190,11 @@ class Batch:
         """Returns instances to what :meth:`save` returned: one state for each of them, in their order.
 
         A state may be restored in another instance than that of which it was saved.
+
+        Raises
+        ------
+        SettingError
+            Not as many states as instances, or one of another system; instances before that one have theirs.
         """
         which = self._which(where)
         if len(saved) != len(which):
@@ -199,6 +211,11 @@ class Batch:
         set
             Start values of parameters and states by name: a number, or one for each of these instances. Without them those
             of ``instantiate`` hold; inputs have their start values again.
+
+        Raises
+        ------
+        SettingError, SystemFileError, FmuError
+            A wrong number, shape, name or value, or an instance that cannot be made; all are as they were.
         """
         which = self._which(where)
         columns = []

@@ -230,7 +230,7 @@ impl Batch {
         Ok(saved.into_iter().map(|(time, bytes)| (time, PyBytes::new(py, &bytes))).collect())
     }
 
-    /// Returns the instances `which` to saved states, one for each.
+    /// Returns the instances `which` to saved states, one for each; those before a state that is refused have theirs.
     fn restore(&self, py: Python<'_>, which: Vec<usize>, saved: Vec<(f64, Vec<u8>)>) -> PyResult<()> {
         let done = self.with(py, |lanes| {
             for (&number, (time, bytes)) in which.iter().zip(&saved) {
@@ -246,7 +246,8 @@ impl Batch {
         done.then_some(()).ok_or_else(refused)
     }
 
-    /// Makes the instances `which` anew, at the start time and with the start values `set`, one for each of them.
+    /// Makes the instances `which` anew, at the start time and with the start values `set`, one for each of them; all
+    /// stay as they are if one cannot be made.
     fn reset(&self, py: Python<'_>, which: Vec<usize>, set: Vec<(String, Vec<f64>)>) -> PyResult<()> {
         let graphs = (0..which.len()).map(|k| {
             let own: Vec<(String, String)> =
@@ -259,10 +260,13 @@ impl Batch {
         });
         let graphs = graphs.collect::<PyResult<Vec<_>>>()?;
         self.with(py, |lanes| {
-            for (&number, graph) in which.iter().zip(&graphs) {
-                let made = Lane::new(graph, &self.settings);
-                lanes[number] = made.map_err(|error| (number, Stop::Failed(error)))?;
-            }
+            let make = |(&number, graph): (&usize, &Arc<SystemGraph>)| {
+                Lane::new(graph, &self.settings).map_err(|error| (number, Stop::Failed(error)))
+            };
+            let made = self.pool.install(|| {
+                which.par_iter().zip(&graphs).map(make).collect::<Result<Vec<Lane>, LaneStop>>()
+            })?;
+            which.iter().zip(made).for_each(|(&number, lane)| lanes[number] = lane);
             Ok(())
         })
     }

@@ -1,4 +1,4 @@
-//! How far a search is, on a terminal, and what Ctrl-C does to it.
+//! How far a search is, and what Ctrl-C does to it.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};

@@ -282,7 +282,7 @@ pub(super) fn stop_flag() -> Arc<AtomicBool> {
     stop
 }
 
-/// Runs with a progress bar (on a terminal) until `stop` is set.
+/// Runs with a progress bar until `stop` is set.
 fn simulate(setup: &Setup, quiet: bool, stop: &AtomicBool, record: simulate::Record) -> Result<Run, Error> {
     let bar = progress::bar(quiet, Some(0), "{bar:40} {percent:>3} %  {pos}/{len} steps  {eta} left");
     let mut progress = |done: u64, all: u64| {

@@ -139,7 +139,7 @@ fn hold_out(data: &mut Experiments) -> String {
     )
 }
 
-/// A bar on a terminal, else nothing.
+/// A bar with a part for every state-space model.
 fn progress(args: &Args) -> indicatif::ProgressBar {
     let count = args.state_space.range().count() as u64;
     let bar = progress::bar(args.data.quiet, Some(count), "{msg} {bar:30} {pos}/{len} {elapsed}");

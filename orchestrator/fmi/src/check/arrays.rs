@@ -1,5 +1,5 @@
-//! Arrays of FMI 3.0: as many start values as elements, lengths that are known, and bytes that fit
-//! (sections 2.4.7.5.1 and 2.4.7.2 of FMI 3.0).
+//! Arrays of FMI 3.0: as many start values as elements, lengths that are known, and bytes that fit (definition of
+//! model variables, section 2.4.7).
 
 use std::collections::HashMap;
 
@@ -32,7 +32,7 @@ pub(super) fn check(root: &Element, findings: &mut Findings) {
             0 => element.attribute("start").map_or(0, |text| text.split_whitespace().count()),
             count => count,
         } as u64;
-        // One value stands for all elements (section 2.4.7.5.1).
+        // One value stands for all elements.
         if let Some(elements) = elements.filter(|elements| starts > 1 && *elements != starts) {
             let message =
                 format!("{starts} start values for {elements} elements; give as many, or one for all");
