@@ -124,6 +124,23 @@ def test_a_stribeck_peak_beside_coulomb_friction_that_no_attachment_shows_is_nam
         assert abs(effect[name]["value"] - true[name]["value"]) < high - low
 
 
+def test_a_stribeck_peak_is_named_where_nothing_fits_to_the_noise_and_only_the_declared_model_knows_coulomb_friction(tmp_path):
+    folder, truth = machine(tmp_path, "arm_m_stribeck_tau_2", seed=5150)
+    result = refine(folder / "plain.toml", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == ["stribeck@tau_2"] and not found["complete"]
+    force = found["effects"][0]["params"]["force"]["value"]
+    assert force == pytest.approx(truth["effects"][0]["params"]["force"]["value"], rel=0.1)
+    assert found["effects"][0]["share"] == pytest.approx(truth["share"], abs=0.1)
+    # The amended system has the velocity over which the friction changes its sign, which no attachment states.
+    assert any("changes its sign over" in note for note in found["notes"])
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", folder / "plain.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
 def test_an_inertia_that_is_far_from_its_declared_value_is_named_where_nothing_fits_to_the_noise(tmp_path):
     folder, truth = machine(tmp_path, "furuta_m_parameter_J_p")
     result = refine(folder / "study.toml", tmp_path / "out")

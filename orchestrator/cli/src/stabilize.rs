@@ -196,10 +196,33 @@ fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> 
         };
         return Ok((plan.to_owned(), args.problem.clone().ok_or_else(missing)?, args.hold));
     }
-    let summary = plan_record::read(&plan.join("summary.json")).map_err(plot::Error::from)?;
+    let refuse = |problem: String| PlanError::Place { place: plan.display().to_string(), problem };
+    let file = plan.join("summary.json");
+    if !file.exists() {
+        let problem =
+            "no plan is there: it has no summary.json; give the folder that `airloop optimize -o` wrote";
+        return Err(refuse(problem.into()).into());
+    }
+    let summary = plan_record::read(&file).map_err(plot::Error::from)?;
     let held = summary.signals.iter().any(|signal| signal.kind == "input" && signal.held);
-    let problem = args.problem.clone().unwrap_or(summary.problem_file);
+    let problem = match &args.problem {
+        Some(given) => given.clone(),
+        None => problem_of(plan, &summary.problem_file).ok_or_else(|| {
+            let file = summary.problem_file.display();
+            refuse(format!("its problem {file} is neither here nor beside a folder that the plan is in; give --problem FILE"))
+        })?,
+    };
     Ok((plan.join(TRAJECTORY), problem, args.hold || held))
+}
+
+/// The problem file of a plan, whose path is that from the folder where the plan was made: this one, or one that holds
+/// the plan.
+fn problem_of(plan: &Path, file: &Path) -> Option<PathBuf> {
+    if file.exists() {
+        return Some(file.to_owned());
+    }
+    let plan = plan.canonicalize().ok()?;
+    plan.ancestors().map(|folder| folder.join(file)).find(|own| own.exists())
 }
 
 /// The closed loop without noise, from the start of the plan over twice its length.

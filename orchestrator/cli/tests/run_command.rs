@@ -222,6 +222,20 @@ fn bad_words_and_files_are_refused_by_name() {
 }
 
 #[test]
+fn a_system_without_components_is_refused() {
+    let folder = folder();
+    write(&folder, "empty.ssd", &ssd("", "", "", ""));
+    for master in ["gauss-seidel", "monolithic"] {
+        let words = ["run", "empty.ssd", "--stop", "1", "--step", "1ms", "--master", master, "-o", "out"];
+        let output = airloop(&folder, &words);
+        let message = text(&output.stderr);
+        assert!(message.contains("empty.ssd: the system has no components"), "{message}");
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(!folder.path().join("out").exists());
+    }
+}
+
+#[test]
 fn quiet_prints_nothing() {
     let folder = folder();
     system(&folder);

@@ -168,6 +168,9 @@ pub(super) fn drive<'a, S: Simulation<'a>>(
     watch: Watch,
     record: Record,
 ) -> Result<Run, Error> {
+    if graph.components.is_empty() {
+        return Err(Error::Empty(graph.file.clone()));
+    }
     let began = Instant::now();
     let run = restart::identity(graph, settings, &record.keep);
     if record.saving.is_some() || record.from.is_some() {

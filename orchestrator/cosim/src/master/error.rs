@@ -4,6 +4,9 @@
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "component, variable, time and step, as in each message")]
 pub enum Error {
+    /// Nothing to simulate.
+    #[error("{}: the system has no components, so that there is nothing to simulate; add one (element `Component`)", .0.display())]
+    Empty(std::path::PathBuf),
     /// A setting is out of range.
     #[error("{name} = {value} is not possible: it must be {allowed}")]
     Setting { name: &'static str, value: f64, allowed: &'static str },

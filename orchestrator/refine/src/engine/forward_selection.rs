@@ -83,6 +83,18 @@ pub fn refit(question: &Question, added: &[usize], start: &[f64]) -> Found {
     Found { base, best, one_by_one, steps, equals, declared_error, free_form }
 }
 
+/// Parameters of a set of effects beside corrections, fitted from several starts: those that leave the least error.
+pub fn fitted_from(question: &Question, added: &[usize], starts: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let run = Run::new(question);
+    let locals = &question.locals;
+    let one = |start: &Vec<f64>| {
+        let model = run.fit(&run.weights(start, locals), added, start, locals, ROUNDS);
+        (run.fitted_error(&model), model.fit.parameters)
+    };
+    let best = starts.iter().map(one).min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map(|(_, parameters)| parameters)
+}
+
 /// Rounds of a fit, of its refinement, and of the refits without a fold.
 pub(super) const ROUNDS: usize = 6;
 pub(super) const REFINEMENT_ROUNDS: usize = 4;

@@ -139,6 +139,15 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
                 }
                 (selection, found, by_share) = (without.selection.clone(), rest, Some(without));
             }
+            let own = by_share.as_ref().filter(|own| own.weighted && !stop::asked());
+            let own =
+                own.and_then(|own| sign_change::fitted(&mut study, &scale, &judge, (settings, say), own));
+            if let Some(own) = own {
+                let fits = Fits::new(&study, scale.clone());
+                found = assemble(&fits, &judge, &own.selection, Some(&own), settings);
+                found.notes.extend(sign_change::notes(&study, &own.added));
+                (selection, by_share) = (own.selection.clone(), Some(own));
+            }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
             let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);

@@ -76,14 +76,14 @@ pub struct Search<'a> {
 impl Search<'_> {
     /// Searches from the fitted declared model beside what effects alone give.
     pub fn run(&self, exact: &Selection) -> ByShare {
-        self.ask(exact, |question, known| {
+        self.ask(exact, None, |question, known| {
             answer(self.fits, &exact.declared, known, &forward_selection::search(question))
         })
     }
 
     /// The effects of a selection beside corrections, fitted from `start`.
     pub fn refitted(&self, found: &ByShare, start: &[f64]) -> fits::Model {
-        let again = self.ask(&found.selection, |question, known| {
+        let again = self.ask(&found.selection, None, |question, known| {
             let again = forward_selection::refit(question, &found.added, start);
             answer(self.fits, &found.selection.declared, known, &again)
         });
@@ -96,22 +96,12 @@ impl Search<'_> {
         let (study, selection) = (self.fits.study, &found.selection);
         let rest: Vec<usize> = found.added.iter().copied().filter(|&c| c != weak).collect();
         let declared = &selection.declared.fit.parameters;
-        let fitted = |added: &[usize], start: &[f64]| {
-            self.ask(selection, |question, known| {
-                answer(
-                    self.fits,
-                    &selection.declared,
-                    known,
-                    &forward_selection::refit(question, added, start),
-                )
-            })
-        };
         let mut start = selection.best.fit.parameters.clone();
         study.candidates[weak].entries.clone().for_each(|index| start[index] = declared[index]);
-        let mut again = fitted(&rest, &start);
+        let mut again = self.fitted(found, &rest, &start);
         let (other, start) = &found.one_by_one;
         if !other.is_empty() && !other.contains(&weak) && *other != rest {
-            let other = fitted(other, start);
+            let other = self.fitted(found, other, start);
             if other.selection.best.error < again.selection.best.error {
                 again = other;
             }
@@ -125,16 +115,41 @@ impl Search<'_> {
         let mut steps = found.steps.clone();
         let tried = steps.iter_mut().flat_map(|step| &mut step.candidates);
         tried.filter(|own| own.id == name).for_each(|own| own.rejected = Some(reason.clone()));
-        let singles = selection.singles.clone();
-        ByShare { steps, selection: Selection { singles, ..again.selection }, ..again }
+        ByShare { steps, ..again }
     }
 
-    /// Asks the forward selection from a fitted declared model, with the effects of `proposed` as a proposal.
-    fn ask(
+    /// The effects `added` beside corrections, fitted from `start`, with the steps of the search that found others.
+    pub fn fitted(&self, found: &ByShare, added: &[usize], start: &[f64]) -> ByShare {
+        let again = self.ask(&found.selection, None, |question, known| {
+            let again = forward_selection::refit(question, added, start);
+            answer(self.fits, &found.selection.declared, known, &again)
+        });
+        let singles = found.selection.singles.clone();
+        ByShare { steps: found.steps.clone(), selection: Selection { singles, ..again.selection }, ..again }
+    }
+
+    /// Parameters of the effects found, fitted together with one more parameter from several of its values.
+    pub fn fitted_with(&self, found: &ByShare, more: Free, values: &[f64]) -> Option<Vec<f64>> {
+        let start = |value: &f64| {
+            let mut p = found.selection.best.fit.parameters.clone();
+            p[more.index] = *value;
+            p
+        };
+        let starts: Vec<Vec<f64>> = values.iter().map(start).collect();
+        let more = (more, *values.first()?);
+        self.ask(&found.selection, Some(more), |question, _| {
+            forward_selection::fitted_from(question, &found.added, &starts)
+        })
+    }
+
+    /// Asks the forward selection from a fitted declared model, with the effects of `proposed` as a proposal, and one
+    /// more parameter that is always free, with its value in the declared model.
+    fn ask<T>(
         &self,
         proposed: &Selection,
-        answer: impl FnOnce(&Question, &[question::Correction]) -> ByShare,
-    ) -> ByShare {
+        more: Option<(Free, f64)>,
+        answer: impl FnOnce(&Question, &[question::Correction]) -> T,
+    ) -> T {
         let (study, declared) = (self.fits.study, &proposed.declared);
         let (pieces, folds) = pieces(self.fits);
         let view = self.fits.view(&[], &pieces);
@@ -144,12 +159,15 @@ impl Search<'_> {
         let held_out = HeldOut::new(&whole, &units);
         let mut candidates: Vec<Candidate> =
             (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
-        let p = &declared.fit.parameters;
+        let mut p = declared.fit.parameters.clone();
+        more.iter().for_each(|(free, value)| p[free.index] = *value);
+        let p = &p[..];
         let locals = fits::locals_of(self.fits, &pieces, declared);
         let rules = self.settings.forward_selection;
         let mut known = known(study, &whole, (p, &locals), &candidates, rules.max_tolerances);
         candidates.extend(changes(study, &mut known));
-        let always = study.declared_free();
+        let mut always = study.declared_free();
+        always.extend(more.map(|own| own.0));
         let probes = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe);
         let free_forms: Vec<usize> = probes.collect();
         let question = Question {
@@ -162,7 +180,8 @@ impl Search<'_> {
             locals,
             may_join: &|c, added| {
                 let Some(own) = study.candidates.get(c) else { return true };
-                !own.is_resolution() && own.needs.is_none_or(|needs| added.contains(&needs))
+                !own.is_resolution()
+                    && (own.may_stand_alone() || own.needs.is_none_or(|needs| added.contains(&needs)))
             },
             proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
             pairs: true,

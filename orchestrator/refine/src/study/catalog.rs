@@ -67,6 +67,12 @@ impl Candidate {
         self.needs == Some(other) && matches!(self.action, Action::Block { law: Law::Presliding, .. })
     }
 
+    /// Whether it may be missing alone though no attachment shows the Coulomb level that it comes with: the FMU may
+    /// hold that level.
+    pub fn may_stand_alone(&self) -> bool {
+        matches!(self.action, Action::Block { law: Law::Stribeck, .. })
+    }
+
     /// Whether searches look for it.
     pub fn is_searched(&self) -> bool {
         !self.probe && !self.is_resolution()
