@@ -64,6 +64,7 @@ pub fn select_by_share(
         always: &[],
         locals: vec![Vec::new(); exact.records.len()],
         may_join: &|_, _| true,
+        last: &[],
         proposals: &[],
         pairs: false,
         changes: 0..0,

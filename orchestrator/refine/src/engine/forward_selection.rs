@@ -39,8 +39,17 @@ pub fn search(question: &Question) -> Found {
     question.system.stage("effects beside corrections");
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
-        let (tried, reweighed) = run.step(&found.best, &weights);
-        let accepted = run.accepted(&tried).cloned();
+        let (mut tried, mut reweighed) = run.step(&found.best, &weights);
+        let mut accepted = run.accepted(&tried).cloned();
+        if accepted.is_none() && added.is_empty() && !question.last.is_empty() {
+            let (last, again) = run.step_with(&found.best, &weights, &|c| question.last.contains(&c));
+            accepted = run.accepted(&last).cloned();
+            if accepted.is_some() {
+                (tried, reweighed) = (last.into_iter().chain(tried).collect(), again);
+            } else {
+                tried.extend(last);
+            }
+        }
         let step = Step { added, tried };
         if let Some(accepted) = &accepted {
             let equals = run.equals(&step, accepted);
@@ -259,8 +268,8 @@ impl<'a> Run<'a> {
         (squares.sum::<f64>() / q.records.len() as f64).sqrt()
     }
 
-    /// Candidates worth a fit, with the parameters to start from.
-    pub(super) fn promising(&self, base: &Model, weights: &Weights) -> Vec<Promise> {
+    /// Candidates worth a fit among those that may join, with the parameters to start from.
+    fn promising(&self, base: &Model, weights: &Weights, may_join: &dyn Fn(usize) -> bool) -> Vec<Promise> {
         let q = self.question;
         let held = Model {
             fit: Fit {
@@ -276,7 +285,7 @@ impl<'a> Run<'a> {
             },
             ..base.clone()
         };
-        let may = |c: usize| !q.free_forms.contains(&c) && (q.may_join)(c, &base.added);
+        let may = |c: usize| !q.free_forms.contains(&c) && may_join(c);
         // Beside corrections a change has the entry of one of them.
         let unchanged = |c: usize| may(c) && !q.is_change(c);
         let [beside, without] = self.with(weights, &q.records, |search| {
@@ -308,9 +317,19 @@ impl<'a> Run<'a> {
 
     /// One step: candidates fitted and judged, best first, and the weights that they were judged with.
     pub(super) fn step(&self, base: &Model, weights: &Weights) -> (Vec<Tried>, Weights) {
+        self.step_with(base, weights, &|c| (self.question.may_join)(c, &base.added))
+    }
+
+    /// One step with the candidates that may join.
+    fn step_with(
+        &self,
+        base: &Model,
+        weights: &Weights,
+        may_join: &dyn Fn(usize) -> bool,
+    ) -> (Vec<Tried>, Weights) {
         let q = self.question;
         let mut fitted: Vec<(f64, Model)> = self
-            .promising(base, weights)
+            .promising(base, weights, may_join)
             .into_iter()
             .enumerate()
             .take_while(|(rank, _)| *rank == 0 || !stop::asked())
@@ -514,6 +533,7 @@ mod tests {
             always: &[],
             locals: vec![Vec::new(); 4],
             may_join: &|_, _| true,
+            last: &[],
             proposals: &[],
             pairs: true,
             free_forms: &[],

@@ -38,6 +38,8 @@ pub struct Question<'a> {
     pub locals: Vec<Vec<f64>>,
     /// Whether a candidate may join the effects found before.
     pub may_join: &'a (dyn Fn(usize, &[usize]) -> bool + Sync),
+    /// Candidates that join only the declared model, and only where no other does.
+    pub last: &'a [usize],
     /// Sets of effects that another search found, with parameters to start from.
     pub proposals: &'a [(Vec<usize>, Vec<f64>)],
     /// Whether two effects are tried together where none is accepted alone.

@@ -170,6 +170,9 @@ impl Search<'_> {
         always.extend(more.map(|own| own.0));
         let probes = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe);
         let free_forms: Vec<usize> = probes.collect();
+        let may_stand_alone =
+            |&c: &usize| study.candidates[c].needs.is_some() && study.candidates[c].may_stand_alone();
+        let alone: Vec<usize> = (0..study.candidates.len()).filter(may_stand_alone).collect();
         let question = Question {
             system: &whole,
             held_out: &held_out,
@@ -180,9 +183,9 @@ impl Search<'_> {
             locals,
             may_join: &|c, added| {
                 let Some(own) = study.candidates.get(c) else { return true };
-                !own.is_resolution()
-                    && (own.may_stand_alone() || own.needs.is_none_or(|needs| added.contains(&needs)))
+                !own.is_resolution() && own.needs.is_none_or(|needs| added.contains(&needs))
             },
+            last: &alone,
             proposals: &[(proposed.best.added.clone(), proposed.best.fit.parameters.clone())],
             pairs: true,
             free_forms: &free_forms,
