@@ -304,12 +304,12 @@ def test_a_plan_is_found_with_its_problem_from_any_folder(tmp_path):
     ms = ["--transcription", "multiple-shooting", "--intervals", 100, "--no-verification", "--no-plots"]
     made = start("optimize", "examples/03_swing_up/problem.toml", *ms, "-o", "plans/first", cwd=lab)
     assert made.returncode == 0, made.stderr
-    result = start("stabilize", lab / "plans" / "first", lab / "examples" / "03_swing_up" / "stabilize.toml", "-o", tmp_path / "out")
+    result = start("stabilize", lab / "plans" / "first", lab / "examples" / "03_swing_up" / "stabilize.toml", "-o", "out", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     # Moved away from its problem, and a folder without a plan.
     (lab / "plans" / "first").rename(tmp_path / "moved")
     for folder, words in [(tmp_path / "moved", ["examples/03_swing_up/problem.toml", "--problem FILE"]), (lab, ["no summary.json", "airloop optimize -o"])]:
-        result = start("stabilize", folder, EXAMPLE / "stabilize.toml", "-o", tmp_path / "none")
+        result = start("stabilize", folder, EXAMPLE / "stabilize.toml", "-o", "none", cwd=tmp_path)
         assert result.returncode == 1 and str(folder) in result.stderr, result.stderr
         assert all(word in result.stderr for word in words), result.stderr
         assert not (tmp_path / "none").exists()
