@@ -35,6 +35,7 @@ fn files() -> String {
         ("Study: `airloop refine study.toml`", airloop_refine::study::SCHEMA.to_owned()),
         ("Problem: `airloop optimize problem.toml`", airloop_plan::file::schema()),
         ("Settings: `airloop stabilize PLAN settings.toml`", airloop_plan::stabilize::settings::schema()),
+        ("Plan: `airloop sweep plan plan.toml`", airloop_sweep::file::PlanFile::schema()),
     ] {
         page += &format!("\n## {title}\n{}", keys::tables(&schema));
     }

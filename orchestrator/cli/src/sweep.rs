@@ -10,6 +10,7 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use airloop::Error;
+use airloop_sweep::file::PlanFile;
 use airloop_sweep::manifest::{Manifest, short};
 use airloop_sweep::shard::{Done, Runner, Shard};
 use airloop_sweep::{Error as SweepError, merge, report, slurm};
@@ -65,8 +66,9 @@ pub struct FolderArgs {
 #[derive(Debug, clap::Args)]
 #[command(mut_arg("isolate", |isolate| isolate.default_value("third-party")))]
 pub struct PlanArgs {
-    /// Plan (TOML); paths in it begin at its folder.
-    pub plan: PathBuf,
+    /// Plan (TOML); paths in it begin at its folder; its keys are those of --schema.
+    #[arg(required_unless_present = "schema")]
+    pub plan: Option<PathBuf>,
     /// Number of shards. Default: `shards` of the plan, else 1.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..=MOST_SHARDS))]
     pub shards: Option<u64>,
@@ -76,6 +78,9 @@ pub struct PlanArgs {
     /// Folder of the sweep; it is made if it is not there.
     #[arg(short, long, value_name = "DIR", default_value = "out/sweep")]
     pub output: PathBuf,
+    /// Print the JSON schema of plans, for editors that check and complete TOML.
+    #[arg(long)]
+    pub schema: bool,
     /// Processes of FMUs.
     #[command(flatten)]
     pub isolate: IsolateArgs,
@@ -176,8 +181,12 @@ pub fn run(command: &Command) -> Result<ExitCode, Error> {
 }
 
 fn plan(args: &PlanArgs) -> Result<ExitCode, SweepError> {
+    let Some(file) = args.plan.as_deref().filter(|_| !args.schema) else {
+        output::print(&PlanFile::schema())?;
+        return Ok(ExitCode::SUCCESS);
+    };
     args.isolate.choose()?;
-    let mut manifest = Manifest::plan(&args.plan).map_err(|error| error.in_file(&args.plan))?;
+    let mut manifest = Manifest::plan(file).map_err(|error| error.in_file(file))?;
     if let Some(shards) = args.shards {
         manifest.shards = shards.min(manifest.tasks.max(1));
     }

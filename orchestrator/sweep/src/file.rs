@@ -1,14 +1,16 @@
 //! The file of a plan, as its author writes it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 
 use crate::Error;
 
 /// Kind of the tasks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// Simulations of a system.
@@ -22,7 +24,7 @@ pub enum Kind {
 }
 
 /// Way in which factors are sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Every combination of levels.
@@ -38,7 +40,7 @@ pub enum Method {
 }
 
 /// Spacing of a range.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
     /// Even.
@@ -48,8 +50,8 @@ pub enum Scale {
     Log,
 }
 
-/// `[sample]`
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+/// How factors are sampled, and how many tasks that gives.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
     /// Way in which factors are sampled.
@@ -64,14 +66,15 @@ fn one() -> u64 {
     1
 }
 
-/// `[[factors]]`: values of a parameter, input, state, record or setting.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// Values of a parameter, input, state, record or setting.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Factor {
     /// Name: component.variable, an input of the system, `run.master`, `run.step`, `run.input`, or a word in braces of
     /// a command.
     pub name: String,
     /// Values one by one.
+    #[schemars(with = "Option<Vec<Scalar>>")]
     pub values: Option<Vec<toml::Value>>,
     /// Lower limit.
     pub from: Option<f64>,
@@ -86,8 +89,25 @@ pub struct Factor {
     pub entries_of: Option<String>,
 }
 
+/// In a schema a number, a truth value or a text.
+enum Scalar {}
+
+impl JsonSchema for Scalar {
+    fn schema_name() -> Cow<'static, str> {
+        "Scalar".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["number", "boolean", "string"] })
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+}
+
 /// Quantity that is taken of a signal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Of {
     /// Least value.
@@ -109,7 +129,7 @@ pub enum Of {
 }
 
 /// Direction of a crossing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
     /// Either.
@@ -121,8 +141,8 @@ pub enum Direction {
     Falling,
 }
 
-/// `[[quantities]]`: a number of each task.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// A number, or a text, of each task.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Quantity {
     /// Name of the column.
@@ -145,8 +165,8 @@ pub struct Quantity {
     pub text: bool,
 }
 
-/// `[signals]`: whole signals of every simulation.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+/// Whole signals of every simulation.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Signals {
     /// Names, as in the results of `airloop run`.
@@ -156,8 +176,8 @@ pub struct Signals {
     pub every: u64,
 }
 
-/// `[run]`: settings of all simulations, with the names of `airloop run`.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+/// Settings of all simulations, with the names of `airloop run`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
     /// Start time \[s\].
@@ -166,11 +186,11 @@ pub struct Run {
     pub stop: Option<f64>,
     /// Communication step \[s\].
     pub step: Option<f64>,
-    /// Master.
+    /// Master, as `--master` of `airloop run`.
     pub master: Option<String>,
-    /// Relative tolerance.
+    /// Relative tolerance of the FMUs that have one.
     pub tolerance: Option<f64>,
-    /// Order of extrapolation.
+    /// Order of the extrapolation of inputs: 0, 1 or 2.
     pub extrapolation: Option<u32>,
     /// Record of inputs.
     pub input: Option<String>,
@@ -184,11 +204,12 @@ pub struct Run {
     pub signals: BTreeMap<String, String>,
     /// Start values of every task.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Scalar>")]
     pub set: BTreeMap<String, toml::Value>,
 }
 
-/// `[trials]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// Trials of a stabilized system.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Trials {
     /// Seeds: `seed` of the plan, and the next ones.
@@ -211,17 +232,17 @@ fn yes() -> bool {
     true
 }
 
-/// `[slurm]`: options of `sbatch`.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+/// Options of `sbatch`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Slurm {
     /// Time limit of a shard, as `sbatch` takes it.
     pub time: Option<String>,
     /// Memory of a shard.
     pub memory: Option<String>,
-    /// Partition.
+    /// Partition of the cluster.
     pub partition: Option<String>,
-    /// Account.
+    /// Account that the time is charged to.
     pub account: Option<String>,
     /// Modules to load.
     #[serde(default)]
@@ -230,8 +251,8 @@ pub struct Slurm {
     pub at_a_time: Option<u64>,
 }
 
-/// A plan.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// Independent tasks: simulations over samples of their parameters, trials, or commands.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanFile {
     /// Kind of the tasks.
@@ -249,19 +270,19 @@ pub struct PlanFile {
     pub inputs: Vec<String>,
     /// Longest time of a task \[s\].
     pub time_limit: Option<f64>,
-    /// Number of shards.
+    /// Number of shards: 1 without it.
     pub shards: Option<u64>,
     /// Settings of simulations.
     #[serde(default)]
     pub run: Run,
     /// Settings of trials.
     pub trials: Option<Trials>,
-    /// Samples.
+    /// How factors are sampled; without it every combination of their values, once.
     pub sample: Option<Sample>,
-    /// Factors.
+    /// What differs from task to task.
     #[serde(default)]
     pub factors: Vec<Factor>,
-    /// Quantities.
+    /// What the table of results has of each task.
     #[serde(default)]
     pub quantities: Vec<Quantity>,
     /// Whole signals that are kept.
@@ -272,6 +293,11 @@ pub struct PlanFile {
 }
 
 impl PlanFile {
+    /// JSON schema of a plan, for editors that complete and check TOML.
+    pub fn schema() -> String {
+        airloop_plan::file::schema_of::<PlanFile>()
+    }
+
     /// Reads the text of a plan; `file` is its name in messages.
     ///
     /// # Errors
