@@ -70,8 +70,8 @@ fn one() -> u64 {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Factor {
-    /// Name: component.variable, an input of the system, `run.master`, `run.step`, `run.input`, or a word in braces of
-    /// a command.
+    /// Name: component.variable, an input of the system, `run.master`, `run.step`, `run.stop`, `run.tolerance`,
+    /// `run.input`, or a word in braces of a command.
     pub name: String,
     /// Values one by one.
     #[schemars(with = "Option<Vec<Scalar>>")]
@@ -279,10 +279,10 @@ pub struct PlanFile {
     pub trials: Option<Trials>,
     /// How factors are sampled; without it every combination of their values, once.
     pub sample: Option<Sample>,
-    /// What differs from task to task.
+    /// Parameters, inputs, states, records, settings or words of a command that differ from task to task.
     #[serde(default)]
     pub factors: Vec<Factor>,
-    /// What the table of results has of each task.
+    /// Values of each task in the table of results.
     #[serde(default)]
     pub quantities: Vec<Quantity>,
     /// Whole signals that are kept.
