@@ -188,20 +188,17 @@ fn write_predictive(own: &Predictive, graph: &SystemGraph, fmu: &Path) -> Result
 
 /// Trajectory, problem file, and whether inputs are held.
 fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
+    let refuse =
+        |problem: &str| PlanError::Place { place: plan.display().to_string(), problem: problem.into() };
     if !plan.is_dir() {
-        let missing = || {
-            let problem =
-                "a trajectory alone does not say what it belongs to; give --problem FILE".to_owned();
-            PlanError::Place { place: plan.display().to_string(), problem }
-        };
+        let missing = || refuse("a trajectory alone does not say what it belongs to; give --problem FILE");
         return Ok((plan.to_owned(), args.problem.clone().ok_or_else(missing)?, args.hold));
     }
-    let refuse = |problem: String| PlanError::Place { place: plan.display().to_string(), problem };
     let file = plan.join("summary.json");
     if !file.exists() {
         let problem =
             "no plan is there: it has no summary.json; give the folder that `airloop optimize -o` wrote";
-        return Err(refuse(problem.into()).into());
+        return Err(refuse(problem).into());
     }
     let summary = plan_record::read(&file).map_err(plot::Error::from)?;
     let held = summary.signals.iter().any(|signal| signal.kind == "input" && signal.held);
@@ -209,7 +206,9 @@ fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> 
         Some(given) => given.clone(),
         None => problem_of(plan, &summary.problem_file).ok_or_else(|| {
             let file = summary.problem_file.display();
-            refuse(format!("its problem {file} is neither here nor beside a folder that the plan is in; give --problem FILE"))
+            refuse(&format!(
+                "its problem {file} is neither in this folder nor in one that holds the plan; give --problem FILE"
+            ))
         })?,
     };
     Ok((plan.join(TRAJECTORY), problem, args.hold || held))

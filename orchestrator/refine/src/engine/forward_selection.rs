@@ -7,13 +7,13 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{Fit, Free};
+use super::fit::Free;
 use super::goodness::Null;
 use super::normal::residuals;
 use super::question::{Correction, Found, FreeForm, Question, Step, Tried};
 use super::search::{Model, Promise, Rules, Search};
+use super::stop;
 use super::weighted::{Weighted, long_run};
-use super::{parallel, stop};
 
 /// Finds the effects that take away most of the error.
 pub fn search(question: &Question) -> Found {
@@ -39,17 +39,8 @@ pub fn search(question: &Question) -> Found {
     question.system.stage("effects beside corrections");
     while found.best.added.len() < question.most && !stop::asked() {
         let added = found.best.added.clone();
-        let (mut tried, mut reweighed) = run.step(&found.best, &weights);
-        let mut accepted = run.accepted(&tried).cloned();
-        if accepted.is_none() && added.is_empty() && !question.last.is_empty() {
-            let (last, again) = run.step_with(&found.best, &weights, &|c| question.last.contains(&c));
-            accepted = run.accepted(&last).cloned();
-            if accepted.is_some() {
-                (tried, reweighed) = (last.into_iter().chain(tried).collect(), again);
-            } else {
-                tried.extend(last);
-            }
-        }
+        let (tried, reweighed) = run.step_or_last(&found.best, &weights);
+        let accepted = run.accepted(&tried).cloned();
         let step = Step { added, tried };
         if let Some(accepted) = &accepted {
             let equals = run.equals(&step, accepted);
@@ -115,13 +106,6 @@ const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
 const LOCAL_ROUNDS: usize = 3;
 /// Free forms that are fitted.
 const FITTED_FREE_FORMS: usize = 2;
-/// Candidates fitted because of their predicted gain with the corrections, and because of their gain without them.
-const FITTED_CANDIDATES: (usize, usize) = (5, 5);
-/// Other values of declared parameters that are fitted beside them.
-const FITTED_CHANGES: usize = 2;
-/// Candidates that are fitted again under the weights of the best.
-const REFITTED_CANDIDATES: usize = 4;
-
 pub(super) type Weights = BTreeMap<String, f64>;
 
 /// A search at work.
@@ -206,7 +190,7 @@ impl<'a> Run<'a> {
     ///
     /// Under those of a model that leaves much more the data say little against the tolerances of the corrections, so
     /// that one fit ends in the middle of the way.
-    fn reweighed(&self, mut model: Model) -> (Model, Weights) {
+    pub(super) fn reweighed(&self, mut model: Model) -> (Model, Weights) {
         let mut error = self.fitted_error(&model);
         let mut weights = self.weights(&model.fit.parameters, &model.fit.locals);
         for _ in 0..MAX_REWEIGHTS {
@@ -268,132 +252,6 @@ impl<'a> Run<'a> {
         (squares.sum::<f64>() / q.records.len() as f64).sqrt()
     }
 
-    /// Candidates worth a fit among those that may join, with the parameters to start from.
-    fn promising(&self, base: &Model, weights: &Weights, may_join: &dyn Fn(usize) -> bool) -> Vec<Promise> {
-        let q = self.question;
-        let held = Model {
-            fit: Fit {
-                parameters: q.without_corrections(&base.fit.parameters, &base.added),
-                free: base
-                    .added
-                    .iter()
-                    .flat_map(|&c| &q.candidates[c].free)
-                    .chain(q.always)
-                    .copied()
-                    .collect(),
-                ..base.fit.clone()
-            },
-            ..base.clone()
-        };
-        let may = |c: usize| !q.free_forms.contains(&c) && may_join(c);
-        // Beside corrections a change has the entry of one of them.
-        let unchanged = |c: usize| may(c) && !q.is_change(c);
-        let [beside, without] = self.with(weights, &q.records, |search| {
-            [distinct(search.screen_some(base, &unchanged)), distinct(search.screen_some(&held, &may))]
-        });
-        let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
-        let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| base.fit.locals[i].clone()).collect();
-        let errors = parallel::map(without.len(), |i| {
-            q.held_out.error_from(&without[i].parameters, &records, &locals)
-        });
-        let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
-        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<Promise> = beside.into_iter().take(FITTED_CANDIDATES.0).collect();
-        let (changes, alone): (Vec<_>, Vec<_>) =
-            alone.into_iter().map(|own| own.1).partition(|own| q.is_change(own.candidate));
-        for promise in alone {
-            let far = q.same(promise.candidate).is_some_and(|c| {
-                let moved = base.fit.parameters[c.free.index].abs();
-                c.free.prior.is_some_and(|tolerance| moved > 1.5 * tolerance)
-            });
-            let few = chosen.len() < FITTED_CANDIDATES.0 + FITTED_CANDIDATES.1;
-            if (few || far) && !chosen.iter().any(|other| other.candidate == promise.candidate) {
-                chosen.push(promise);
-            }
-        }
-        chosen.extend(changes.into_iter().take(FITTED_CHANGES));
-        chosen
-    }
-
-    /// One step: candidates fitted and judged, best first, and the weights that they were judged with.
-    pub(super) fn step(&self, base: &Model, weights: &Weights) -> (Vec<Tried>, Weights) {
-        self.step_with(base, weights, &|c| (self.question.may_join)(c, &base.added))
-    }
-
-    /// One step with the candidates that may join.
-    fn step_with(
-        &self,
-        base: &Model,
-        weights: &Weights,
-        may_join: &dyn Fn(usize) -> bool,
-    ) -> (Vec<Tried>, Weights) {
-        let q = self.question;
-        let mut fitted: Vec<(f64, Model)> = self
-            .promising(base, weights, may_join)
-            .into_iter()
-            .enumerate()
-            .take_while(|(rank, _)| *rank == 0 || !stop::asked())
-            .map(|(_, promise)| {
-                let mut added = base.added.clone();
-                added.push(promise.candidate);
-                let model = self.fit(weights, &added, &promise.parameters, &base.fit.locals, ROUNDS);
-                (self.fitted_error(&model), model)
-            })
-            .filter(|(_, model)| {
-                let change = model.added.last().filter(|&&c| q.is_change(c));
-                change.is_none_or(|&c| q.is_beyond_correction(c, &model.fit.parameters))
-            })
-            .collect();
-        fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(best) = fitted.first_mut() else { return (Vec::new(), weights.clone()) };
-        let (model, weights) = self.reweighed(best.1.clone());
-        best.1 = model;
-        let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
-        let base_error = self.held_out_error(&weights, &base);
-        let base_fitted = self.fitted_error(&base);
-        let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
-        let before = self.error_at(&weights, &uncorrected, &base.fit.locals);
-        let mut tried: Vec<Tried> = Vec::new();
-        for (rank, (error, model)) in fitted.into_iter().enumerate() {
-            let candidate = model.added[model.added.len() - 1];
-            let (mut model, mut error) = (model, error);
-            let again = rank < REFITTED_CANDIDATES;
-            let mut reference = (base.fit.chi2, if again { base_error } else { base_fitted });
-            if again {
-                model = self.fit(
-                    &weights,
-                    &model.added,
-                    &model.fit.parameters,
-                    &model.fit.locals,
-                    REFINEMENT_ROUNDS,
-                );
-                error = self.held_out_error(&weights, &model);
-            }
-            if let Some(same) = q.same(candidate).filter(|_| again) {
-                reference = self.without(&base, same, &weights);
-            }
-            let p = q.without_corrections(&model.fit.parameters, &model.added);
-            let mut own = Tried {
-                candidate,
-                gain: reference.0 - model.fit.chi2,
-                held_out: (reference.1 - error) / self.declared_error,
-                error,
-                alone: 1.0 - self.error_at(&weights, &p, &model.fit.locals) / before,
-                model,
-                rejected: None,
-            };
-            own.rejected =
-                if again { self.objection(&own) } else { Some("others take more of the error away".into()) };
-            tried.push(own);
-        }
-        // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.
-        let judged = REFITTED_CANDIDATES.min(tried.len());
-        let (again, once) = tried.split_at_mut(judged);
-        again.sort_by(|a, b| a.error.total_cmp(&b.error));
-        once.sort_by(|a, b| a.error.total_cmp(&b.error));
-        (tried, weights)
-    }
-
     /// Weighted sum of squares and held-out error of a model without one of its corrections.
     pub(super) fn without(&self, base: &Model, correction: &Correction, weights: &Weights) -> (f64, f64) {
         let mut start = base.fit.parameters.clone();
@@ -441,17 +299,6 @@ impl<'a> Run<'a> {
             .filter(|form| share(with) < enough * form.share && form.share > q.settings.min_held_out_share)
             .max_by(|a, b| a.share.total_cmp(&b.share))
     }
-}
-
-/// The best predicted start of every candidate, in order.
-fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
-    let mut found: Vec<Promise> = Vec::new();
-    for promise in promises {
-        if !found.iter().any(|other| other.candidate == promise.candidate) {
-            found.push(promise);
-        }
-    }
-    found
 }
 
 #[cfg(test)]
@@ -508,7 +355,13 @@ mod tests {
 
     /// The answer of `ask` on a system whose slope is known to `tolerance`; `twin`: whether an effect does the same as
     /// another slope.
-    fn asked_about(system: &Wavy, tolerance: f64, twin: bool, ask: impl FnOnce(&Question) -> Found) -> Found {
+    fn asked_about(
+        system: &Wavy,
+        tolerance: f64,
+        twin: bool,
+        last: &[usize],
+        ask: impl FnOnce(&Question) -> Found,
+    ) -> Found {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
         let candidate = |id: &'static str, index: usize| Candidate {
             id,
@@ -532,8 +385,8 @@ mod tests {
             declared: &[0.0; 3],
             always: &[],
             locals: vec![Vec::new(); 4],
-            may_join: &|_, _| true,
-            last: &[],
+            may_join: &|c, _| !last.contains(&c),
+            last,
             proposals: &[],
             pairs: true,
             free_forms: &[],
@@ -549,7 +402,7 @@ mod tests {
     }
 
     fn asked(system: &Wavy, tolerance: f64, ask: impl FnOnce(&Question) -> Found) -> Found {
-        asked_about(system, tolerance, true, ask)
+        asked_about(system, tolerance, true, &[], ask)
     }
 
     /// Effects found in a system whose slope is known to `tolerance`, by candidate, and the correction of the slope.
@@ -599,14 +452,14 @@ mod tests {
     #[test]
     fn another_value_of_a_parameter_is_an_effect_where_a_correction_would_go_beyond_its_bound() {
         for (slope, expected) in [(40.0, vec![1]), (1.5, vec![])] {
-            let result = asked_about(&Wavy::new(slope, 0.0, 6.0), 1.0, false, search);
+            let result = asked_about(&Wavy::new(slope, 0.0, 6.0), 1.0, false, &[], search);
             assert_eq!(result.best.added, expected, "{slope}");
             // It is held back by no tolerance.
             let change = result.best.fit.parameters[2];
             assert!((change - slope).abs() < 1.0, "{change}");
         }
         // An effect of the list that does it comes first.
-        assert_eq!(asked_about(&Wavy::new(0.0, 40.0, 6.0), 1.0, false, search).best.added, [0]);
+        assert_eq!(asked_about(&Wavy::new(0.0, 40.0, 6.0), 1.0, false, &[], search).best.added, [0]);
     }
 
     #[test]
@@ -615,6 +468,20 @@ mod tests {
         let (mut added, _) = found(&Wavy::new(40.0, -50.0, 2.0), 1e-3);
         added.sort_unstable();
         assert_eq!(added, [0, 1]);
+    }
+
+    #[test]
+    fn a_candidate_of_the_last_resort_joins_where_no_other_does() {
+        let found = |slope: f64, last: &[usize]| {
+            let system = Wavy::new(slope, 40.0, 0.0);
+            let mut added = asked_about(&system, 1e-3, true, last, search).best.added;
+            added.sort_unstable();
+            added
+        };
+        assert_eq!(found(0.0, &[0, 1]), [0]);
+        // Beside the slope the square takes nearly all that is left.
+        assert_eq!(found(900.0, &[]), [0, 1]);
+        assert_eq!(found(900.0, &[0]), [1]);
     }
 
     #[test]

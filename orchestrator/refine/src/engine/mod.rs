@@ -18,6 +18,7 @@ pub mod search;
 pub mod select;
 mod sets;
 pub mod settings;
+mod step;
 pub mod stop;
 pub mod system;
 pub mod weighted;

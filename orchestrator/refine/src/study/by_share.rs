@@ -170,9 +170,8 @@ impl Search<'_> {
         always.extend(more.map(|own| own.0));
         let probes = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe);
         let free_forms: Vec<usize> = probes.collect();
-        let may_stand_alone =
-            |&c: &usize| study.candidates[c].needs.is_some() && study.candidates[c].may_stand_alone();
-        let alone: Vec<usize> = (0..study.candidates.len()).filter(may_stand_alone).collect();
+        let alone = (0..study.candidates.len()).filter(|&c| study.candidates[c].may_stand_alone());
+        let alone: Vec<usize> = alone.collect();
         let question = Question {
             system: &whole,
             held_out: &held_out,

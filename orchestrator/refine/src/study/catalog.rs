@@ -70,7 +70,7 @@ impl Candidate {
     /// Whether it may be missing alone though no attachment shows the Coulomb level that it comes with: the FMU may
     /// hold that level.
     pub fn may_stand_alone(&self) -> bool {
-        matches!(self.action, Action::Block { law: Law::Stribeck, .. })
+        self.needs.is_some() && matches!(self.action, Action::Block { law: Law::Stribeck, .. })
     }
 
     /// Whether searches look for it.

@@ -1,7 +1,8 @@
 //! Velocity over which friction changes its sign where no attachment declares it.
 //!
 //! Friction of other shapes takes it from Coulomb friction that is fitted beside it. If the declared model has all of
-//! the level, that friction does nothing: the velocity is the attachment's then.
+//! the level, that friction does nothing: the velocity is the attachment's then, or it is fitted beside friction that
+//! stands without it.
 
 use super::by_share::{self, ByShare};
 use super::exact;
@@ -15,7 +16,7 @@ use crate::answer::Settings;
 /// Ratio of the error without it to that with it, up to which nothing is lost.
 const MAX_ERROR_RATIO: f64 = 1.002;
 
-/// Where to look for the velocity of the sign change, as ratios to the usual one.
+/// Where to look for the velocity of the sign change, as ratios to that of the attachment.
 const STARTS: [f64; 3] = [1.0, 0.4, 2.5];
 
 /// The selection without such friction; as it is where that explains less.
