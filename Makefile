@@ -11,15 +11,16 @@ demo: fmu            ## replay a measured record through the coupled FMUs, then 
 	cargo run --release --quiet -p airloop-cli -- refine data/rig/v01 -o out/demo-refine
 
 # One profile for checks, Rust tests and the program that the Python tests run: a second build of everything would cost
-# as much as the tests. The FMUs are those of a release.
+# as much as the tests. The FMUs are those of a release, but for the library that runs a whole system, most of which is in
+# the program. The Python package has its tests in `make test-wheel`.
 test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
-	cargo run --quiet -p packager
-	cargo test --workspace
+	scripts/packager.sh dev --system-profile dev
+	cargo test --workspace --exclude airloop-python
 	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile tests/fmpy
 
 wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
 	rm -rf out/wheel
-	cargo run --release --quiet -p packager
+	scripts/packager.sh release
 	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w out/wheel ./python
 
 test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: python/tests
@@ -151,7 +152,7 @@ study-walker: fmu    ## compass-gait against MuJoCo and Drake; half a step again
 	.venv/bin/python tests/study/walker_casadi.py out/study
 
 fmu: setup-build     ## target/fmu/*.fmu, modelDescriptions/*.xml and the airloop binary
-	cargo run --release -p packager
+	scripts/packager.sh release
 	cargo build --release -p airloop-cli
 
 portable: setup-build ## the FMUs of `make fmu` with libraries that need no libgcc_s, by the linker of Zig

@@ -11,7 +11,7 @@ step() {
 step cargo fmt --all --check
 step cargo clippy --workspace --all-targets -- -D warnings
 RUSTDOCFLAGS="-D warnings" step cargo doc --workspace --no-deps --quiet
-step cargo run --quiet -p packager -- --check
+step scripts/packager.sh dev --check
 step scripts/check_one_build.sh
 step "${PYTHON:-.venv/bin/python}" scripts/check_words.py
 if cargo deny --version >/dev/null 2>&1; then

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Whether the extension module of the wheel has its libraries with the features that they have beside the program: else
-# `make wheel` would build all of them twice.
+# Whether the extension module of the wheel, and the library that runs a whole system as one FMU, have their libraries
+# with the features that these have in the program: else `make wheel` and `make fmu` would build all of them twice. And
+# whether the tests have them so.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -8,9 +9,16 @@ features() {
     cargo tree --prefix none --no-dedupe --edges normal,build --format '{p} {f}' "$@" | sed 's/ (\*)$//' | sort -u
 }
 
-different=$(comm -23 <(features -p airloop-python) <(features -p airloop-python -p airloop-cli))
-if [ -n "$different" ]; then
-    echo "The program needs more features of these libraries than python/Cargo.toml names:" >&2
-    echo "$different" >&2
-    exit 1
-fi
+# The first selection of packages, the second, and which Cargo.toml names too few features.
+same() {
+    local different
+    different=$(comm -23 <(features $1) <(features $2))
+    if [ -n "$different" ]; then
+        echo "$3 names other features of these libraries than the program or its tests need:" >&2
+        echo "$different" >&2
+        exit 1
+    fi
+}
+same "-p airloop-python" "-p airloop-python -p airloop-cli" python/Cargo.toml
+same "-p airloop-system-fmu" "-p airloop-cli" orchestrator/system-fmu/Cargo.toml
+same "-p airloop-system-fmu" "--workspace --exclude airloop-python --edges normal,build,dev" orchestrator/system-fmu/Cargo.toml

@@ -40,4 +40,4 @@ for name in "${names[@]}"; do
     cp "$built/$target/release/lib$name.so" "$out/$name.so"
 done
 "${PYTHON:-python3}" scripts/check_symbols.py "$glibc" "$out"/*.so
-cargo run --release -p packager -- --add-platform "$built/portable"
+scripts/packager.sh release --add-platform "$built/portable"

@@ -26,7 +26,7 @@ mkdir -p "$out/win64"
 for name in "${names[@]}"; do
     cp "$built/$target/release/$name.dll" "$out/win64/"
 done
-cargo run --release -p packager -- --add-platform "$out"
+scripts/packager.sh release --add-platform "$out"
 cp "$built/$target/release/airloop.exe" "$out/"
 x86_64-w64-mingw32-strip "$out/airloop.exe"
 echo "$out/airloop.exe"

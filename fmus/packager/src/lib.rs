@@ -31,6 +31,8 @@ pub struct Request {
     pub lib_dir: Option<PathBuf>,
     /// Folders with binaries of further platforms.
     pub add_platform: Vec<PathBuf>,
+    /// Cargo profile of the library that runs a whole system.
+    pub system_profile: String,
     /// Folder of the FMUs; those of the tests go to `test/` in it.
     pub out: PathBuf,
 }

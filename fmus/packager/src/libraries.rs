@@ -28,34 +28,43 @@ fn host_platform() -> &'static str {
 pub fn build(root: &Path, entries: &[Entry]) -> Result<Vec<Library>, Error> {
     let named: Vec<(&str, &str)> =
         entries.iter().map(|entry| (entry.package, entry.identity.model_identifier)).collect();
-    build_named(root, &named)
+    build_named(root, &named, "release")
 }
 
-/// Builds the libraries of packages, given with their names, without symbols and debug information.
+/// Builds the libraries of packages, given with their names, in a profile of cargo, without symbols and debug
+/// information.
 ///
 /// # Errors
 /// Same as [`build`].
-pub fn build_named(root: &Path, packages: &[(&str, &str)]) -> Result<Vec<Library>, Error> {
+pub fn build_named(root: &Path, packages: &[(&str, &str)], profile: &str) -> Result<Vec<Library>, Error> {
     let link = glibc::link_arguments(&root.join("target").join("glibc")).unwrap_or_else(|reason| {
         eprintln!("note: the FMUs will need the glibc of this computer: {reason}");
         Vec::new()
     });
-    packages.iter().map(|(package, identifier)| build_one(root, package, identifier, &link)).collect()
+    let one = |(package, identifier): &(&str, &str)| build_one(root, package, identifier, profile, &link);
+    packages.iter().map(one).collect()
 }
 
 /// Builds one library; arguments for the linker concern it alone, so that nothing that others use is built again.
-fn build_one(root: &Path, package: &str, identifier: &str, link: &[String]) -> Result<Library, Error> {
+fn build_one(
+    root: &Path,
+    package: &str,
+    identifier: &str,
+    profile: &str,
+    link: &[String],
+) -> Result<Library, Error> {
     // Set by `cargo run`, so that the same toolchain is used.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(&cargo);
     command.current_dir(root).args([
         "rustc",
-        "--release",
+        "--profile",
+        profile,
         "--lib",
         "--message-format=json-render-diagnostics",
     ]);
     command.args(["-p", package, "--quiet"]);
-    command.arg("--config").arg(format!("profile.release.package.{package}.strip='symbols'"));
+    command.arg("--config").arg(format!("profile.{profile}.package.{package}.strip='symbols'"));
     command.arg("--").args(link.iter().map(|argument| format!("-Clink-arg={argument}")));
     let output = command
         .stderr(Stdio::inherit())

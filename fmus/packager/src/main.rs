@@ -23,6 +23,9 @@ struct Args {
     /// DIR/win64/friction.dll, or the same below DIR/binaries; may be given more than once
     #[arg(long, value_name = "DIR")]
     add_platform: Vec<PathBuf>,
+    /// Cargo profile of the library of `airloop export-fmu`: with that of the program, both share their libraries
+    #[arg(long, value_name = "PROFILE", default_value = "release")]
+    system_profile: String,
     /// Folder of the FMUs [default: target/fmu in the repository]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -51,7 +54,8 @@ fn run(args: Args) -> Result<(), Vec<Error>> {
         return if errors.is_empty() { Ok(()) } else { Err(errors) };
     }
     let out = args.out.unwrap_or_else(|| root.join("target/fmu"));
-    let request = Request { root, lib_dir: args.lib_dir, add_platform: args.add_platform, out };
+    let Args { lib_dir, add_platform, system_profile, .. } = args;
+    let request = Request { root, lib_dir, add_platform, system_profile, out };
     let written = packager::package(&request).map_err(|e| vec![e])?;
     written.iter().for_each(|path| println!("{}", path.display()));
     Ok(())

@@ -19,7 +19,10 @@ const IDENTIFIER: &str = "airloop_system";
 pub fn package(request: &Request) -> Result<PathBuf, Error> {
     let host = match &request.lib_dir {
         Some(folder) => libraries::named_in_folder(folder, PACKAGE, IDENTIFIER)?,
-        None => libraries::build_named(&request.root, &[(PACKAGE, IDENTIFIER)])?.remove(0),
+        None => {
+            let own = [(PACKAGE, IDENTIFIER)];
+            libraries::build_named(&request.root, &own, &request.system_profile)?.remove(0)
+        }
     };
     let mut all: Vec<Library> = Vec::new();
     for folder in &request.add_platform {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Source};
-use airloop_fmi::{Causality, Variability, VariableKind, template_folder};
+use airloop_fmi::{Causality, InterfaceKind, Variability, VariableKind, template_folder};
 use airloop_series::units::{self, Compatibility};
 use airloop_series::{Channel, TimeSeries, csv};
 
@@ -286,7 +286,7 @@ fn validation(names: &[String]) -> Vec<bool> {
     chosen
 }
 
-/// Continuous states: name in a study, unit, and where they stand.
+/// Continuous states: name in a study, unit, and where they stand. An FMU of Co-Simulation only shows none.
 fn states(graph: &SystemGraph) -> Vec<(String, Option<String>, Source)> {
     let of = |(component, owner): (usize, &airloop_cosim::system::graph::Component)| {
         let description = &owner.fmu.description;
@@ -298,7 +298,11 @@ fn states(graph: &SystemGraph) -> Vec<(String, Option<String>, Source)> {
         };
         description.continuous_states().map(named).collect::<Vec<_>>()
     };
-    graph.components.iter().enumerate().flat_map(of).collect()
+    let with_equations = |owner: &airloop_cosim::system::graph::Component| {
+        owner.fmu.interface(InterfaceKind::ModelExchange).is_some()
+    };
+    let all = graph.components.iter().enumerate().filter(|(_, owner)| with_equations(owner));
+    all.flat_map(of).collect()
 }
 
 /// States that nobody measured and whose unit is that of exactly one measured state by second.

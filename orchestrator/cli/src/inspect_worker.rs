@@ -3,13 +3,13 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use airloop::Error;
 use airloop_fmi::check::{self, Finding, Severity};
-use airloop_fmi::isolate::{cause, confine};
+use airloop_fmi::isolate::{Process, cause};
 use airloop_fmi::{Fmu, trace};
 
 /// Files in the folder that both processes share: findings, one in a line, the last call, and the number of findings
@@ -64,25 +64,18 @@ pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Fin
         .args(["inspect", "--check", "--worker"])
         .arg(folder.path())
         .arg("--")
-        .arg(std::path::absolute(&fmu.path).map_err(io)?)
-        .current_dir(folder.path())
-        // What it unpacks goes with the folder, however it ends.
-        .env("TMPDIR", folder.path())
-        .stdin(Stdio::null())
-        // What the FMU prints is no part of our output.
-        .stdout(Stdio::from(std::io::stderr()));
-    let confined = confine(&mut command, MEMORY);
-    let mut child = command.spawn().map_err(io)?;
+        .arg(std::path::absolute(&fmu.path).map_err(io)?);
+    let mut process = Process::start(command, folder.path(), MEMORY).map_err(io)?;
     let began = Instant::now();
     let status = loop {
-        match child.try_wait().map_err(io)? {
+        match process.ended() {
             Some(status) => break Some(status),
             None if began.elapsed() > limit || stop.load(Ordering::Relaxed) => break None,
             None => std::thread::sleep(POLL_INTERVAL),
         }
     };
     // Also what the library started.
-    confined.end(&mut child);
+    process.kill();
     let written = std::fs::read_to_string(folder.path().join(FINDINGS)).unwrap_or_default();
     // The last line may be cut off.
     let mut found: Vec<Finding> =
@@ -114,10 +107,14 @@ pub fn findings(fmu: &Fmu, limit: Duration, stop: &AtomicBool) -> Result<Vec<Fin
         found.push(Finding { severity: Severity::Warning, rule: INTERRUPTED.into(), element, message });
         return Ok(found);
     }
-    let message = match status {
+    let mut message = match status {
         None => format!("it did not return within {} s; --time-limit allows more", limit.as_secs_f64()),
         Some(status) => format!("the process of the FMU ended there by {}", cause(status)),
     };
+    let printed = process.printed();
+    if !printed.is_empty() {
+        message.push_str(&format!("; printed last: {}", printed.join(" | ")));
+    }
     found.push(Finding { severity: Severity::Error, rule: "process-lost".into(), element, message });
     Ok(found)
 }

@@ -304,11 +304,14 @@ impl Fmu {
             }
         }
         let platforms = self.platforms();
+        // FMI 3.0 writes x86_64-linux where FMI 2.0 writes linux64.
+        let usual = |folder: &&&str| folder.contains('-') == self.description.is_fmi3();
+        let folder = platform_folders().iter().find(usual).or(platform_folders().first());
         Err(Error::NoBinary {
             path: self.shown.clone(),
             wanted: format!(
                 "binaries/{}/{identifier}{}",
-                platform_folders().first().unwrap_or(&std::env::consts::OS),
+                folder.unwrap_or(&std::env::consts::OS),
                 std::env::consts::DLL_SUFFIX
             ),
             available: if platforms.is_empty() { "no platform".to_owned() } else { platforms.join(", ") },

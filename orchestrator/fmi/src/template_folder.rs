@@ -2,21 +2,41 @@
 
 use std::path::{Path, PathBuf};
 
+use airloop_series::names;
+
 /// Environment variable that names the folder.
 pub const VARIABLE: &str = "AIRLOOP_FMUS";
 
 /// An FMU that is in none of the places.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "the FMU {name}.fmu is not in {}; run `make fmu`, or name the folder that holds it in the environment variable {}",
-    places(tried),
-    VARIABLE
-)]
+#[error("the FMU {name}.fmu is not in {}; {}", places(tried), remedy(name, there))]
 pub struct TemplateNotFound {
     /// Name of the FMU.
     pub name: String,
     /// Folders that were looked into, in their order.
     pub tried: Vec<PathBuf>,
+    /// Names of the FMUs that are there.
+    pub there: Vec<String>,
+}
+
+fn remedy(name: &str, there: &[String]) -> String {
+    if there.is_empty() {
+        return format!(
+            "run `make fmu`, or name the folder that holds it in the environment variable {VARIABLE}"
+        );
+    }
+    names::suggestion(name, there.iter().map(String::as_str))
+}
+
+/// Names of the FMUs in folders.
+fn names_in(folders: &[PathBuf]) -> Vec<String> {
+    let files = folders.iter().filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten();
+    let fmus = files.map(|file| file.path()).filter(|path| path.extension().is_some_and(|own| own == "fmu"));
+    let mut names: Vec<String> =
+        fmus.filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned())).collect();
+    names.sort();
+    names.dedup();
+    names
 }
 
 fn places(tried: &[PathBuf]) -> String {
@@ -52,7 +72,7 @@ fn first(name: &str, places: Vec<PathBuf>) -> Result<PathBuf, TemplateNotFound> 
     let file = format!("{name}.fmu");
     match places.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) {
         Some(path) => Ok(path),
-        None => Err(TemplateNotFound { name: name.to_owned(), tried: places }),
+        None => Err(TemplateNotFound { name: name.to_owned(), there: names_in(&places), tried: places }),
     }
 }
 
@@ -79,7 +99,11 @@ mod tests {
         let places = || vec![empty.clone(), full.clone()];
         assert_eq!(first("friction", places()).unwrap(), full.join("friction.fmu"));
         let message = first("other", places()).unwrap_err().to_string();
-        for part in ["other.fmu", "empty", "full", "make fmu", VARIABLE] {
+        for part in ["other.fmu", "empty", "full", "known are: friction"] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+        let message = first("other", vec![empty]).unwrap_err().to_string();
+        for part in ["make fmu", VARIABLE] {
             assert!(message.contains(part), "{part}: {message}");
         }
     }

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use super::Error;
 use super::file::{Place, Quantity, Source, Text};
-use super::{Error, names};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{self, Conversion, DataType, Start};
 use airloop_fmi::{Causality, Fmu, Variability, VariableKind};
+use airloop_series::names;
 use airloop_series::units::{self, Compatibility, Unit};
 
 /// Units that are offered where another one does not fit.

@@ -3,11 +3,12 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
+use super::Error;
 use super::catalog::{Catalog, Kind};
 use super::file::guess::{Guess, Others};
 use super::file::{Statement, Text};
 use super::task::{Limits, Signal, Task};
-use super::{Error, names};
+use airloop_series::names;
 use airloop_series::resample::{locate, value_at};
 use airloop_series::{Interpolation, TimeSeries, csv};
 

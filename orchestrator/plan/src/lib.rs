@@ -19,7 +19,6 @@ pub mod feed_forward;
 pub mod file;
 pub mod guess;
 pub mod multistart;
-mod names;
 pub mod prepare;
 pub mod recheck;
 pub mod record;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use super::Error;
 use super::catalog::{Catalog, Kind};
 use super::cycle::Return;
 use super::file::statement::Scaling;
@@ -10,12 +11,12 @@ use super::file::{self, Parameters, Statement};
 use super::reset::{self, Jump};
 use super::sampling::{self, Sampling};
 use super::task::{self, Signals, Task};
-use super::{Error, names};
 use airloop_cosim::coupled::{Options, System};
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::InterfaceKind;
 use airloop_ocp::transcription::{Dynamics, Point, Size, Structure};
 use airloop_optim::EvaluationError;
+use airloop_series::names;
 
 /// A problem that is ready to be transcribed.
 pub struct Prepared {

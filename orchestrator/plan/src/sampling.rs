@@ -2,11 +2,11 @@
 
 use super::Error;
 use super::file::{Place, Statement};
-use super::names;
 use super::task::{positive, seconds};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Start};
 use airloop_fmi::{Causality, VariableKind};
+use airloop_series::names;
 
 /// Parameters by which a component says that it is sampled, and chooses its form.
 const SAMPLE_TIME: &str = "sample_time";

@@ -9,7 +9,7 @@ use super::Error;
 use super::rig::corrections;
 use super::rig::cylinder::Cylinder;
 use super::study::clipping::clipping;
-use super::study::declaration::words;
+use super::study::declaration::read;
 use super::{cleaned, grid, regime, spikes};
 use airloop_series::{TimeSeries, csv};
 
@@ -226,8 +226,7 @@ impl Case {
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         let text = airloop_series::file::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
-        let declaration: Declaration =
-            toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
+        let declaration: Declaration = read(&text).map_err(refused)?;
         if !(declaration.sample_rate_hz > 0.0 && declaration.sample_rate_hz.is_finite()) {
             return Err(refused("sample_rate_hz must be positive".into()));
         }

@@ -5,11 +5,13 @@
 
 pub mod compound_unit;
 pub mod csv;
+pub mod declared;
 pub mod fails_once;
 pub mod file;
 pub mod frame;
 mod header;
 pub mod memory;
+pub mod names;
 pub mod random;
 pub mod resample;
 pub mod rows;

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use airloop_plan::file::{Source, declared};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 
@@ -303,7 +304,15 @@ impl PlanFile {
     /// # Errors
     /// [`Error::File`] with line and column.
     pub fn parse(text: &str, file: &Path) -> Result<PlanFile, Error> {
-        toml::from_str(text)
-            .map_err(|error| Error::File { file: file.into(), problem: error.to_string().trim_end().into() })
+        let source = Source { file: file.into(), text: text.into() };
+        declared::read(&source).map_err(|error| {
+            let problem = match error {
+                airloop_plan::Error::File { line, column, problem, .. } => {
+                    format!("line {line}, column {column}: {problem}")
+                }
+                other => other.to_string(),
+            };
+            Error::File { file: file.into(), problem }
+        })
     }
 }

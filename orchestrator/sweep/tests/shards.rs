@@ -159,7 +159,7 @@ fn wrong_plans_name_the_place() {
     let file = place.path().join("plan.toml");
     for (text, words) in [
         ("kind = \"nothing\"", "line 1"),
-        ("kind = \"empty\"\nshard = 3", "unknown field `shard`"),
+        ("kind = \"empty\"\nshard = 3", "line 2, column 1: the file has no key `shard`"),
         ("kind = \"empty\"\n[[factors]]\nname = \"m\"", "factor `m`: give either"),
         (
             "kind = \"empty\"\n[[factors]]\nname = \"m\"\nfrom = 0\nto = 1\nscale = \"log\"",

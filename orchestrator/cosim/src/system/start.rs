@@ -243,6 +243,9 @@ fn find_path(graph: &SystemGraph, path: &str, place: &str) -> Result<(usize, usi
         let names: Vec<&str> = graph.components.iter().map(|component| component.name.as_str()).collect();
         format!("; write component.variable, the components are: {}", names.join(", "))
     };
+    if graph.single && !path.contains('.') {
+        return Ok((0, find(graph, 0, path, place)?));
+    }
     let (component, name) = path.split_once('.').ok_or_else(|| unknown(components()))?;
     let index = graph.components.iter().position(|known| known.name == component);
     let index = index.ok_or_else(|| unknown(components()))?;

@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+use tempfile::TempDir;
+
 use super::area::{Area, tell, wait};
 use super::calls::{self, Calls, MORE_ROOM, Parts};
 use super::patience::Patience;
@@ -62,6 +64,8 @@ pub(crate) struct Channel {
 struct Line {
     area: Area,
     process: Process,
+    // Removed after the process.
+    _folder: TempDir,
     number: u32,
     bytes: Vec<u8>,
     patience: Patience,
@@ -82,12 +86,14 @@ impl Channel {
     /// Starts a worker.
     pub(crate) fn open(isolation: &Isolation, fmu: &Fmu) -> std::io::Result<Arc<Channel>> {
         let area = Area::new(ROOM)?;
-        let process = Process::start(isolation, area.descriptor())?;
+        let folder = airloop_series::scratch::folder()?;
+        let process = Process::worker(isolation, folder.path(), area.descriptor())?;
         WORKERS.fetch_add(1, Ordering::Relaxed);
         Ok(Arc::new(Channel {
             line: Mutex::new(Line {
                 area,
                 process,
+                _folder: folder,
                 number: 0,
                 bytes: Vec::new(),
                 patience: Patience::new(),

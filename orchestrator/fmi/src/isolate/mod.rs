@@ -30,7 +30,7 @@ use std::time::Duration;
 
 pub(crate) use calls::LOST;
 pub(crate) use channel::{Channel, Death};
-pub use process::{Confined, cause, confine};
+pub use process::{Process, cause};
 pub(crate) use proxy::{forget, functions, instantiate, refused_setter};
 pub use worker::serve;
 

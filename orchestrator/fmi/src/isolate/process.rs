@@ -1,13 +1,12 @@
-//! The process of a worker: how it is started, what it may take, what it prints, and how it ended.
+//! The process of an FMU: how it is started, what it may take, what it prints, and how it ended.
 
 use std::io::{PipeReader, Read};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-
-use tempfile::TempDir;
 
 use super::Isolation;
 use super::mark::Mark;
@@ -19,17 +18,16 @@ const KEPT_OUTPUT: usize = 1 << 11;
 /// Time in which the last output of a process that ended comes in.
 const LAST_OUTPUT: Duration = Duration::from_millis(200);
 
-/// A running worker.
-pub(super) struct Process {
+/// A process that runs the library of an FMU: a group of its own, so much address space, no descriptors but standard
+/// streams of its own; it ends with this program.
+pub struct Process {
     child: Child,
     mark: Mark,
     output: Arc<Output>,
     ended: Option<ExitStatus>,
-    // Working directory; removed after the process.
-    _folder: TempDir,
 }
 
-/// The end of what a worker printed.
+/// The end of what a process printed.
 #[derive(Default)]
 struct Output {
     tail: Mutex<Vec<u8>>,
@@ -37,20 +35,36 @@ struct Output {
 }
 
 impl Process {
-    /// Starts a worker with the shared memory `area`.
-    pub(super) fn start(isolation: &Isolation, area: Descriptor) -> std::io::Result<Process> {
-        let folder = airloop_series::scratch::folder()?;
-        let (reader, writer) = std::io::pipe()?;
+    /// Starts a worker in `folder` with the shared memory `area`.
+    pub(super) fn worker(isolation: &Isolation, folder: &Path, area: Descriptor) -> std::io::Result<Process> {
         let mut command = Command::new(&isolation.program);
+        command.args(&isolation.arguments);
+        Process::confined(command, folder, Some(area), isolation.memory_limit)
+    }
+
+    /// Starts `command` in `folder`, with at most `memory` bytes of address space. What it leaves in the folder for
+    /// temporary files lies in `folder`, too.
+    ///
+    /// # Errors
+    /// The program cannot be started.
+    pub fn start(command: Command, folder: &Path, memory: u64) -> std::io::Result<Process> {
+        Process::confined(command, folder, None, memory)
+    }
+
+    fn confined(
+        mut command: Command,
+        folder: &Path,
+        area: Option<Descriptor>,
+        memory: u64,
+    ) -> std::io::Result<Process> {
+        let (reader, writer) = std::io::pipe()?;
         command
-            .args(&isolation.arguments)
-            .current_dir(folder.path())
-            // What the library leaves there goes with the folder.
-            .env("TMPDIR", folder.path())
+            .current_dir(folder)
+            .env("TMPDIR", folder)
             .stdin(Stdio::null())
             .stdout(Stdio::from(writer.try_clone()?))
             .stderr(Stdio::from(writer));
-        system::confine(&mut command, Some(area), isolation.memory_limit);
+        system::confine(&mut command, area, memory);
         let mark = Mark::set(&mut command);
         let child = spawn(command)?;
         let output = Arc::<Output>::default();
@@ -59,11 +73,11 @@ impl Process {
             .name("output of an FMU".into())
             .stack_size(1 << 16)
             .spawn(move || collect(reader, &own))?;
-        Ok(Process { child, mark, output, ended: None, _folder: folder })
+        Ok(Process { child, mark, output, ended: None })
     }
 
     /// How it ended, if it did.
-    pub(super) fn ended(&mut self) -> Option<ExitStatus> {
+    pub fn ended(&mut self) -> Option<ExitStatus> {
         if self.ended.is_none() {
             self.ended = self.child.try_wait().ok().flatten();
         }
@@ -71,12 +85,15 @@ impl Process {
     }
 
     /// Ends it with all that it started.
-    pub(super) fn kill(&mut self) {
+    pub fn kill(&mut self) {
         if self.ended().is_none() {
             system::end_group(&self.child);
             let _ = self.child.kill();
             self.ended = self.child.wait().ok();
         }
+        // Also what it started and did not end.
+        system::end_group(&self.child);
+        self.mark.end_all();
     }
 
     /// Waits for its end; `None` if it does not come within `limit`.
@@ -89,7 +106,7 @@ impl Process {
     }
 
     /// Last lines that it printed.
-    pub(super) fn printed(&self) -> Vec<String> {
+    pub fn printed(&self) -> Vec<String> {
         let began = Instant::now();
         while !self.output.complete.load(Ordering::Acquire) && began.elapsed() < LAST_OUTPUT {
             std::thread::sleep(Duration::from_millis(1));
@@ -104,9 +121,6 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.kill();
-        // Also what it started and did not end.
-        system::end_group(&self.child);
-        self.mark.end_all();
         // Starting it leaves holes in the heap; unless they are given back, memory grows with every worker (`make
         // study-isolation`).
         #[cfg(all(target_os = "linux", target_env = "gnu"))]
@@ -114,26 +128,6 @@ impl Drop for Process {
         unsafe {
             libc::malloc_trim(0);
         }
-    }
-}
-
-/// A process that [`confine`] confined.
-pub struct Confined(Mark);
-
-/// Confines the process that `command` starts: a group of its own, `memory` bytes of address space, no descriptors but
-/// the standard streams, and its end with the thread that starts it.
-pub fn confine(command: &mut Command, memory: u64) -> Confined {
-    system::confine(command, None, memory);
-    Confined(Mark::set(command))
-}
-
-impl Confined {
-    /// Ends the process with all that it started.
-    pub fn end(&self, child: &mut Child) {
-        system::end_group(child);
-        let _ = child.kill();
-        let _ = child.wait();
-        self.0.end_all();
     }
 }
 
@@ -158,7 +152,7 @@ fn spawn(command: Command) -> std::io::Result<Child> {
     child.recv().map_err(|_| gone())?
 }
 
-/// Reads all that a worker prints and keeps the end.
+/// Reads all that a process prints and keeps the end.
 fn collect(mut reader: PipeReader, output: &Output) {
     let mut block = [0_u8; 4096];
     loop {

@@ -29,6 +29,11 @@ impl Command {
         if self == Command::Mode { 2 } else { 1 }
     }
 
+    /// Whether it has a past: samples that it keeps. The others have states.
+    pub fn remembers(self) -> bool {
+        matches!(self, Command::Delay | Command::Hysteresis)
+    }
+
     /// Whether the changed command moves between its samples even if the one before is held.
     pub fn moves_between_samples(self) -> bool {
         matches!(self, Command::Lag | Command::Fill | Command::RateLimit | Command::Mode)

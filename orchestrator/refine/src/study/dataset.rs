@@ -14,7 +14,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::declaration::{Declaration, File, words};
+use super::declaration::{Declaration, File};
 use crate::Error;
 use airloop_series::csv;
 use airloop_series::units::lookup;
@@ -133,7 +133,7 @@ pub fn read(folder: &Path) -> Result<File, Error> {
     let path = folder.join(NAME);
     let refused = |problem: String| Error::Case { path: path.clone(), problem };
     let text = airloop_series::file::read_to_string(&path).map_err(|error| refused(error.to_string()))?;
-    let set: Dataset = toml::from_str(&text).map_err(|error| refused(words(&text, &error)))?;
+    let set: Dataset = super::declaration::read(&text).map_err(refused)?;
     let (angles, forces, positions, pressures) =
         (set.columns("rad"), set.columns("N"), set.columns("m"), set.columns("Pa"));
     let others = ["reference", "set", "target", "desired", "command"];

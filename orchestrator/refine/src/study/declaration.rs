@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use airloop_series::declared;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::ports::Duty;
@@ -175,7 +177,7 @@ pub struct Segment {
     pub file: String,
     /// Use of the segment.
     pub role: Role,
-    /// Begin \[s\].
+    /// Begin \[s\]. Delays, play and sampled components that follow inputs alone remember what the file shows before.
     #[serde(default)]
     pub from_s: Option<f64>,
     /// End \[s\].
@@ -370,13 +372,10 @@ impl File {
     pub fn read(path: &Path) -> Result<File, Error> {
         let text = airloop_series::file::read_to_string(path)
             .map_err(|error| Error::Case { path: path.into(), problem: error.to_string() })?;
-        let declaration = toml::from_str(&text).map_err(|error: toml::de::Error| {
-            let at = error.span().map(|span| place(&text, span.start));
-            Error::Study {
-                path: path.into(),
-                place: at.unwrap_or_default(),
-                problem: error.message().to_owned(),
-            }
+        let declaration = declared::read(&text).map_err(|problem| Error::Study {
+            path: path.into(),
+            place: place(&text, problem.at),
+            problem: problem.words,
         })?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
         Ok(File {
@@ -425,10 +424,9 @@ impl File {
     }
 }
 
-/// An error of a TOML file, with its place.
-pub(crate) fn words(text: &str, error: &toml::de::Error) -> String {
-    let place = error.span().map(|span| place(text, span.start)).unwrap_or_default();
-    format!("{place}{}", error.message())
+/// Reads a TOML file into the type that declares its keys; an error with its place.
+pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    declared::read(text).map_err(|problem| place(text, problem.at) + &problem.words)
 }
 
 /// `line L, column C: ` of a byte of a text.

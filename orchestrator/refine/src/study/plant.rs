@@ -9,6 +9,7 @@ mod algebraic_loop;
 mod assembly;
 mod initialization;
 mod instance;
+pub mod past;
 pub mod response;
 
 use std::collections::BTreeMap;
@@ -53,6 +54,8 @@ struct Part {
     shown: Vec<(usize, usize)>,
     /// Time of its next event \[s\].
     next_event: Option<f64>,
+    /// Time from its first event to the next \[s\], where it has some.
+    sample_time: Option<f64>,
     /// It wants to hear of every accepted step.
     told_of_steps: bool,
     /// Its outputs that something reads change at events only, if its states do.
@@ -126,13 +129,13 @@ impl Plant {
 
     /// Names of the slaves: components that step by themselves.
     pub fn slaves(&self) -> Vec<&str> {
-        let own = self.parts.iter().filter(|part| matches!(part.instance, PartInstance::Stepped(_)));
+        let own = self.parts.iter().filter(|part| part.instance.is_stepped());
         own.map(|part| part.instance.name()).collect()
     }
 
     /// Communication step of the slaves \[s\], the longest of them; none where there are none.
     pub fn communication_step(&self) -> Option<f64> {
-        let own = self.parts.iter().filter(|part| matches!(part.instance, PartInstance::Stepped(_)));
+        let own = self.parts.iter().filter(|part| part.instance.is_stepped());
         own.map(|part| part.pace.step(self.sample_step, self.couples_slaves)).max_by(f64::total_cmp)
     }
 
@@ -277,28 +280,7 @@ impl Plant {
                 }
                 continue;
             }
-            part.feed(slots, block)?;
-            let Some(model) = part.instance.equations() else { continue };
-            if part.in_event {
-                let mut event = model.new_discrete_states()?;
-                while event.new_discrete_states_needed {
-                    event = model.new_discrete_states()?;
-                }
-                // An event that stays where it is would never end.
-                part.next_event = event.next_event_time.filter(|next| *next > time);
-                model.enter_continuous_time_mode()?;
-                part.in_event = false;
-                if part.indicators > 0 {
-                    let mut values = vec![0.0; part.indicators];
-                    model.get_event_indicators(&mut values)?;
-                    part.positive = values.into_iter().map(|value| value > 0.0).collect();
-                }
-                if !part.states.is_empty() {
-                    model.get_continuous_states(&mut x[part.states.clone()])?;
-                }
-                part.show(x, slots)?;
-            }
-            part.follow(slots)?;
+            part.settle((time, x), slots, block)?;
         }
         for own in &mut self.loops {
             own.solve(&mut self.parts, slots, block)?;
@@ -367,6 +349,37 @@ impl Plant {
 }
 
 impl Part {
+    /// Takes its inputs, ends its event, if it is in one, and takes its outputs.
+    fn settle(
+        &mut self,
+        (time, x): (f64, &mut [f64]),
+        slots: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), airloop_fmi::Error> {
+        self.feed(slots, block)?;
+        let Some(model) = self.instance.equations() else { return Ok(()) };
+        if self.in_event {
+            let mut event = model.new_discrete_states()?;
+            while event.new_discrete_states_needed {
+                event = model.new_discrete_states()?;
+            }
+            // An event that stays where it is would never end.
+            self.next_event = event.next_event_time.filter(|next| *next > time);
+            model.enter_continuous_time_mode()?;
+            self.in_event = false;
+            if self.indicators > 0 {
+                let mut values = vec![0.0; self.indicators];
+                model.get_event_indicators(&mut values)?;
+                self.positive = values.into_iter().map(|value| value > 0.0).collect();
+            }
+            if !self.states.is_empty() {
+                model.get_continuous_states(&mut x[self.states.clone()])?;
+            }
+            self.show(x, slots)?;
+        }
+        self.follow(slots)
+    }
+
     /// Takes the outputs that follow the states alone.
     fn show(&mut self, x: &[f64], slots: &mut [f64]) -> Result<(), airloop_fmi::Error> {
         for &(slot, state) in &self.shown {

@@ -28,6 +28,8 @@ pub struct Record {
     pub n: usize,
     /// System inputs, `[inputs][n]`; none where the system's start value holds.
     pub inputs: Vec<Option<Vec<f64>>>,
+    /// System inputs before the segment, as far as its file and at most `n` samples reach back, `[inputs][..]`.
+    pub past: Vec<Option<Vec<f64>>>,
     /// Further signals, `[extra][n]`.
     pub extra: Vec<Vec<f64>>,
     /// Measured outputs, `[outputs][n]`.
@@ -121,8 +123,12 @@ struct Grid {
     series: TimeSeries,
     step: f64,
     held: TimeSeries,
+    /// Means of stairs from one sample of the grid to the next: of commands that change at stamps of their own.
+    means: TimeSeries,
     raw: TimeSeries,
     gaps: usize,
+    /// The stamps are no such grid: values lie between them.
+    between: bool,
     /// Which samples the columns measured that have empty cells, or a gap.
     measured: BTreeMap<String, Vec<bool>>,
 }
@@ -176,7 +182,16 @@ fn grid(raw: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
     let drift = time.iter().enumerate().map(drift).fold(0.0, f64::max);
     if time.windows(2).all(regular) && drift < MAX_DRIFT * step {
         let measured = measured(&raw, time, false);
-        return Ok(Grid { held: stairs, raw, series, step, gaps: 0, measured });
+        return Ok(Grid {
+            means: stairs.clone(),
+            held: stairs,
+            raw,
+            series,
+            step,
+            gaps: 0,
+            between: false,
+            measured,
+        });
     }
     let samples = (span / step).floor() + 1.0;
     if samples > MAX_SAMPLES.max(MAX_SAMPLES_OF_A_ROW * time.len() as f64) {
@@ -191,8 +206,34 @@ fn grid(raw: TimeSeries, step: Option<f64>) -> Result<Grid, String> {
         source.resample(axis.clone(), interpolation).map_err(|error| error.to_string())
     };
     let (held, linear) = (on(&stairs, Interpolation::Hold)?, on(&series, Interpolation::Linear)?);
+    let means = means(&stairs, &axis, step).map_err(|error| error.to_string())?;
     let measured = measured(&raw, &axis, gaps > 0);
-    Ok(Grid { held, series: linear, raw, step, gaps, measured })
+    Ok(Grid { means, held, series: linear, raw, step, gaps, between: true, measured })
+}
+
+/// Means of stairs over the steps that begin at the times of `axis`. A command that is held from stamp to stamp acts
+/// from its own stamp on: held from the next sample of the grid, it would come up to a step late.
+fn means(stairs: &TimeSeries, axis: &[f64], step: f64) -> Result<TimeSeries, airloop_series::Error> {
+    let time = stairs.time();
+    let mut found = TimeSeries::new(axis.to_vec())?;
+    for channel in stairs.channels() {
+        let mut from = 0;
+        let mut mean = |&begin: &f64| {
+            let end = begin + step;
+            while from + 1 < time.len() && time[from + 1] <= begin {
+                from += 1;
+            }
+            let (mut sum, mut at, mut k) = (0.0, begin, from);
+            while at < end {
+                let until = time.get(k + 1).map_or(end, |next| next.min(end));
+                sum += channel.values[k] * (until - at);
+                (at, k) = (until, k + 1);
+            }
+            sum / step
+        };
+        found.push(channel.name.clone(), channel.unit.clone(), axis.iter().map(&mut mean).collect())?;
+    }
+    Ok(found)
 }
 
 /// Which samples of a grid the columns of a file measured, where not all.
@@ -257,12 +298,25 @@ fn in_unit(
     Ok(values)
 }
 
+/// The way in which the system uses a signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Use {
+    /// It acts on it over whole steps.
+    Input,
+    /// It is compared, or known, at the samples.
+    Measured,
+}
+
 /// Values of a signal on the grid of its file, in the unit `wanted`.
-fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>) -> Result<Vec<f64>, String> {
+fn values(grid: &Grid, signal: &Signal, wanted: Option<&str>, used: Use) -> Result<Vec<f64>, String> {
     let Some(name) = signal.source() else {
         return Err("a signal needs one of `column`, `derivative_of` and `integral_of`".into());
     };
-    let source = if signal.hold { &grid.held } else { &grid.series };
+    let source = match (signal.hold, used) {
+        (true, Use::Input) => &grid.means,
+        (true, Use::Measured) => &grid.held,
+        (false, _) => &grid.series,
+    };
     let mut values = processed(in_unit(source, name, signal, wanted)?, signal, grid.step);
     if let Some(offset) = signal.offset {
         values.iter_mut().for_each(|value| *value += offset);
@@ -319,6 +373,12 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 cleaned::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
             let series = cleaned::emptied(series, &segment.file, &compared, notes);
             let grid = grid(series, step).map_err(&refuse)?;
+            if grid.between {
+                notes.push(format!(
+                    "{}: its stamps are not {} s apart; between them signals lie on lines, and inputs with `hold` have their mean over each step.",
+                    segment.file, significant(grid.step)
+                ));
+            }
             if grid.gaps > 0 {
                 notes.push(format!(
                     "{}: linear interpolation bridges {} of its steps, which are longer than three times the usual one; what lies between counts for no error.",
@@ -368,6 +428,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let make = |whole: bool, corner: Option<f64>| {
             one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
         };
+        let past = first.saturating_sub(last - first)..first;
+        let past = inputs(grid, layout, past, None).map_err(&refuse)?;
         let Signals { inputs, states, extra, outputs } = make(false, None).map_err(&refuse)?;
         let force = match &layout.force {
             None => None,
@@ -433,6 +495,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             step: grid.step,
             n: last - first,
             inputs,
+            past,
             extra,
             outputs,
             states,
@@ -440,6 +503,14 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             smoothed: Vec::new(),
             force,
         });
+    }
+    let reaches_back = |record: &&Record| record.past.iter().flatten().any(|own| !own.is_empty());
+    let inside = found.iter().filter(reaches_back).count();
+    if inside > 0 {
+        notes.push(format!(
+            "{inside} of {} segments begin inside their file: delays, play and sampled components that follow inputs alone remember what the file shows before them. Elsewhere they begin settled at the first value.",
+            found.len()
+        ));
     }
     Ok(found)
 }
@@ -472,6 +543,11 @@ fn separate(file: &File) -> Result<(), Error> {
     Ok(())
 }
 
+/// A step as people write it.
+fn significant(step: f64) -> f64 {
+    format!("{step:.4e}").parse().unwrap_or(step)
+}
+
 /// A time as people write it.
 fn round(time: f64) -> f64 {
     (time * 1e6).round() / 1e6
@@ -485,24 +561,53 @@ struct Signals {
     outputs: Vec<Vec<f64>>,
 }
 
+/// Values of a signal in a span; with a corner, those that are not filtered are.
+fn cut(
+    grid: &Grid,
+    (signal, used): (&Signal, Use),
+    unit: Option<&str>,
+    range: &Range<usize>,
+    corner: Option<f64>,
+) -> Result<Vec<f64>, String> {
+    let mut signal = signal.clone();
+    signal.low_pass_hz = signal.low_pass_hz.or(corner);
+    Ok(values(grid, &signal, unit, used)?[range.clone()].to_vec())
+}
+
+/// Values of the signals that there are.
+fn optional(
+    grid: &Grid,
+    (signals, units, used): (&[Option<Signal>], &[Option<String>], Use),
+    range: &Range<usize>,
+    corner: Option<f64>,
+) -> Result<Vec<Option<Vec<f64>>>, String> {
+    let one = |(signal, unit): (&Option<Signal>, &Option<String>)| {
+        let values = signal.as_ref().map(|own| cut(grid, (own, used), unit.as_deref(), range, corner));
+        values.transpose()
+    };
+    signals.iter().zip(units).map(one).collect()
+}
+
+/// System inputs in a span.
+fn inputs(
+    grid: &Grid,
+    layout: &Layout,
+    range: Range<usize>,
+    corner: Option<f64>,
+) -> Result<Vec<Option<Vec<f64>>>, String> {
+    optional(grid, (&layout.inputs, &layout.units[0], Use::Input), &range, corner)
+}
+
 /// Inputs, states and outputs of a span; with a corner, columns are filtered as well.
 fn one(grid: &Grid, layout: &Layout, range: Range<usize>, corner: Option<f64>) -> Result<Signals, String> {
-    let cut = |signal: &Signal, unit: &Option<String>| {
-        let mut signal = signal.clone();
-        signal.low_pass_hz = signal.low_pass_hz.or(corner);
-        Ok::<_, String>(values(grid, &signal, unit.as_deref())?[range.clone()].to_vec())
-    };
-    let optional = |signals: &[Option<Signal>], units: &[Option<String>]| {
-        let one = |(signal, unit): (&Option<Signal>, &Option<String>)| {
-            signal.as_ref().map(|signal| cut(signal, unit)).transpose()
-        };
-        signals.iter().zip(units).map(one).collect::<Result<Vec<_>, String>>()
-    };
-    let inputs = optional(&layout.inputs, &layout.units[0])?;
-    let states = optional(&layout.states, &layout.units[1])?;
-    let extra = layout.extra.iter().map(|signal| cut(signal, &None)).collect::<Result<_, _>>()?;
-    let outputs = layout.outputs.iter().zip(&layout.units[2]).map(|(signal, unit)| cut(signal, unit));
-    Ok(Signals { inputs, states, extra, outputs: outputs.collect::<Result<_, _>>()? })
+    let states = optional(grid, (&layout.states, &layout.units[1], Use::Measured), &range, corner)?;
+    let extra = layout.extra.iter().map(|signal| cut(grid, (signal, Use::Measured), None, &range, corner));
+    let extra = extra.collect::<Result<_, _>>()?;
+    let outputs = layout.outputs.iter().zip(&layout.units[2]);
+    let outputs =
+        outputs.map(|(signal, unit)| cut(grid, (signal, Use::Measured), unit.as_deref(), &range, corner));
+    let outputs = outputs.collect::<Result<_, _>>()?;
+    Ok(Signals { inputs: inputs(grid, layout, range, corner)?, states, extra, outputs })
 }
 
 /// Factors of all signals.
@@ -555,6 +660,17 @@ mod grid_tests {
         let swinging = file(|k| 0.005 * k + 0.005 * (0.005 * k).sin());
         assert!(off(&swinging) < 1e-9, "{}", off(&swinging));
         assert!((swinging.series.len() as f64 - 2000.0).abs() < 5.0);
+    }
+
+    #[test]
+    fn a_held_command_acts_from_its_own_stamp_on() {
+        let mut series = TimeSeries::new(vec![0.0, 0.8, 2.3, 2.6, 4.0]).unwrap();
+        series.push("u", None, vec![1.0, 3.0, -1.0, 5.0, 2.0]).unwrap();
+        let found = means(&series, &[0.0, 1.0, 2.0, 3.0, 4.0], 1.0).unwrap();
+        let expected = [0.8 + 0.2 * 3.0, 3.0, 0.3 * 3.0 - 0.3 + 0.4 * 5.0, 5.0, 2.0];
+        for (value, expected) in found.channels()[0].values.iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-12, "{value} {expected}");
+        }
     }
 
     #[test]

@@ -108,7 +108,10 @@ fn negate(records: &mut [Record], places: &[Place]) {
     for record in records {
         for &(list, index) in places {
             match list {
-                0 => record.inputs[index].iter_mut().for_each(turn),
+                0 => {
+                    record.inputs[index].iter_mut().for_each(turn);
+                    record.past[index].iter_mut().for_each(turn);
+                }
                 1 => record.states[index].iter_mut().for_each(turn),
                 2 => turn(&mut record.extra[index]),
                 _ => turn(&mut record.outputs[index]),

@@ -10,6 +10,7 @@ use super::law::{Law, Point};
 use super::memory::Memory;
 use super::model::{Action, Study, Target};
 use super::plant::Plant;
+use super::plant::past::Before;
 use super::read::Record;
 use super::remembered::Remembered;
 
@@ -177,11 +178,15 @@ impl<'a> View<'a> {
         if self.begins_with_record(piece.record) { 0 } else { piece.range.start }
     }
 
-    /// Commands of a piece with the effects that have a memory.
+    /// Commands of a record with the effects that have a memory: the past before it, and it.
     fn inputs(&self, record: &Record, p: &[f64], shift: &Shift) -> Vec<Option<Vec<f64>>> {
-        let mut inputs = record.inputs.clone();
-        for (index, values) in inputs.iter_mut().enumerate() {
-            values.iter_mut().for_each(|values| add(values, shift.inputs.get(index)));
+        let mut inputs = record.past.clone();
+        for (index, (values, own)) in inputs.iter_mut().zip(&record.inputs).enumerate() {
+            if let (Some(values), Some(own)) = (values, own) {
+                let past = values.len();
+                values.extend(own);
+                add(&mut values[past..], shift.inputs.get(index));
+            }
         }
         let mut commands: Vec<_> = self
             .active
@@ -195,7 +200,10 @@ impl<'a> View<'a> {
         commands.sort_by_key(|(kind, ..)| kind.rank());
         for (kind, input, entries) in commands {
             if let Some(values) = &mut inputs[input] {
-                *values = kind.apply(&p[entries], values, record.step, self.study.held[input]);
+                // A lag begins settled, as its block in the amended system does.
+                let past = if kind.remembers() { 0 } else { values.len() - record.n };
+                let own = kind.apply(&p[entries], &values[past..], record.step, self.study.held[input]);
+                values[past..].copy_from_slice(&own);
             }
         }
         inputs
@@ -213,6 +221,7 @@ impl<'a> View<'a> {
         let study = self.study;
         let record = &study.records[piece.record];
         let inputs = self.inputs(record, p, shift);
+        let past = record.past.iter().flatten().map(Vec::len).next().unwrap_or(0);
         let mut extra = record.extra.clone();
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
         let nx = plant.nx;
@@ -232,8 +241,8 @@ impl<'a> View<'a> {
         let set = |plant: &mut Plant, k: usize, part: f64| {
             for (slot, values) in inputs.iter().enumerate() {
                 let Some(values) = values else { continue };
-                let here = values[k];
-                let next = values[(k + 1).min(record.n - 1)];
+                let here = values[past + k];
+                let next = values[past + (k + 1).min(record.n - 1)];
                 plant.slots[slot] = if held[slot] { here } else { here + part * (next - here) };
             }
             let first = plant.extra_first;
@@ -269,7 +278,8 @@ impl<'a> View<'a> {
         plant.keep_pace(step, follows_outputs);
         let ahead = plant.communication_step().map_or(0.0, |own| 0.5 * own);
         set(plant, begin, ahead / step);
-        plant.initialize(&given, &fixed, begin as f64 * step, &mut x, &pass)?;
+        let before = Before { inputs: &inputs, held: &held, end: past + begin, most: n, step };
+        plant.initialize_after(&before, &given, &fixed, begin as f64 * step, &mut x, &pass)?;
         let start = x.clone();
         if own {
             // They are those behind the events of the first sample.

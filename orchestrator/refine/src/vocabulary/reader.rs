@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use airloop_expression::{Dimension, Expression};
+use airloop_series::declared;
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -90,10 +91,8 @@ fn is_name(text: &str) -> bool {
 /// # Errors
 /// The first thing that does not fit, with its place.
 pub(super) fn read(text: &str, folder: Option<&Path>) -> Result<Own, Problem> {
-    let file: File = toml::from_str(text).map_err(|error: toml::de::Error| Problem {
-        place: error.span().map_or_else(String::new, |span| place(text, span.start)),
-        problem: error.message().to_owned(),
-    })?;
+    let file: File = declared::read(text)
+        .map_err(|problem| Problem { place: place(text, problem.at), problem: problem.words })?;
     let reader = Reader { text, file: &file };
     match (&file.formula, &file.fmu) {
         (Some(formula), None) => reader.by_formula(formula),

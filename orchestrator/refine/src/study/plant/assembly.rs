@@ -171,6 +171,7 @@ impl Plant {
                 late,
                 shown,
                 next_event: None,
+                sample_time: None,
                 indicators,
                 positive: vec![false; indicators],
                 in_event: false,

@@ -1,6 +1,7 @@
 //! The components of a system at the begin of a simulation: start values, initial states, the first event.
 
 use super::instance::PartInstance;
+use super::past::Before;
 use super::{Feed, Parameter, Part, Plant, Problem};
 use airloop_cosim::system::graph::{Component, Start};
 use airloop_fmi::Instance;
@@ -26,11 +27,30 @@ impl Plant {
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), Problem> {
-        self.begin(begin, parameters, time, x, block)?;
+        self.initialize_after(&Before::default(), begin, parameters, time, x, block)
+    }
+
+    /// The same where something is known of the time before.
+    ///
+    /// # Errors
+    /// An FMU that fails.
+    pub fn initialize_after(
+        &mut self,
+        before: &Before,
+        begin: &[Option<f64>],
+        parameters: &[(Parameter, f64)],
+        time: f64,
+        x: &mut [f64],
+        block: &impl Fn(usize, f64, &[f64]) -> f64,
+    ) -> Result<(), Problem> {
+        self.begin(before, begin, parameters, time, x, block)?;
         if !self.probed {
             self.probed = true;
-            if self.probe(time, x) {
-                self.begin(begin, parameters, time, x, block)?;
+            for part in &mut self.parts {
+                part.sample_time = part.next_event.map(|next| next - time);
+            }
+            if self.probe(time, x) || self.earlier(before, begin).count > 0 {
+                self.begin(before, begin, parameters, time, x, block)?;
             }
         }
         for part in self.parts.iter().filter(|part| !part.takes_start_values()) {
@@ -73,16 +93,21 @@ impl Plant {
     /// Initializes all components; `states` as `begin` of [`Plant::initialize`].
     fn begin(
         &mut self,
+        before: &Before,
         states: &[Option<f64>],
         parameters: &[(Parameter, f64)],
         time: f64,
         x: &mut [f64],
         block: &impl Fn(usize, f64, &[f64]) -> f64,
     ) -> Result<(), Problem> {
+        let earlier = self.earlier(before, states);
+        let inputs = self.slots[..self.system_inputs].to_vec();
         // What a sampled component takes at its first event follows from the states of the others.
         let sampled = self.parts.iter().any(|part| part.only_events);
         // Nothing follows from what outputs were in another simulation.
         self.slots[self.system_inputs..self.extra_first].fill(0.0);
+        let mut known = vec![false; self.slots.len()];
+        known[..self.system_inputs].fill(true);
         for place in 0..self.parts.len() {
             let (part, component) = (&mut self.parts[place], &self.starts[place]);
             if self.initialized {
@@ -99,23 +124,39 @@ impl Plant {
                     }
                 }
             }
+            let back = if earlier.holds(place) { earlier.count } else { 0 };
+            if back > 0 {
+                before.set(&mut self.slots[..self.system_inputs], back as f64);
+            }
+            let time = time - back as f64 * before.step;
             part.instance.setup_experiment(None, time, None).map_err(Problem::fmu)?;
             part.instance.enter_initialization_mode().map_err(Problem::fmu)?;
             match &mut part.instance {
                 // A slave stays there until its inputs have their values.
                 PartInstance::Stepped(own) => own.preview(time).map_err(Problem::fmu)?,
                 PartInstance::Equations(model) => {
-                    for (reference, value) in own_inputs(&part.feeds, &self.slots[..self.system_inputs]) {
+                    for (reference, value) in own_inputs(&part.feeds, &self.slots, &known) {
                         model.set_real(&[reference], &[value]).map_err(Problem::fmu)?;
                     }
                     model.exit_initialization_mode().map_err(Problem::fmu)?;
                     if !part.states.is_empty() {
                         model.get_continuous_states(&mut x[part.states.clone()]).map_err(Problem::fmu)?;
                     }
+                    // States that are given hold for what others see of them, too.
+                    for state in part.states.clone() {
+                        x[state] = states.get(state).copied().flatten().unwrap_or(x[state]);
+                    }
+                    let sources = part.feeds.iter().filter_map(|feed| feed.source);
+                    if sources.clone().all(|(slot, _)| known[slot]) {
+                        part.show(x, &mut self.slots).map_err(Problem::fmu)?;
+                        part.follow(&mut self.slots).map_err(Problem::fmu)?;
+                        part.slots().for_each(|slot| known[slot] = true);
+                    }
                 }
             }
             // Instances leave initialization in event mode.
             part.in_event = true;
+            self.slots[..self.system_inputs].copy_from_slice(&inputs);
         }
         self.initialized = true;
         // Loops begin from what their components show at their start values.
@@ -124,6 +165,7 @@ impl Plant {
                 part.follow(&mut self.slots).map_err(Problem::fmu)?;
             }
         }
+        self.follow_past(before, &earlier, time, x, block).map_err(Problem::fmu)?;
         self.settle(time, x, block).map_err(Problem::fmu)
     }
 }
@@ -135,12 +177,16 @@ impl Part {
     }
 }
 
-/// Inputs that system inputs drive, and their values in front of any block: what a component keeps of the past (the
-/// line of a delay) begins with them. Those that other components drive are not known before all are initialized.
-fn own_inputs(feeds: &[Feed], system_inputs: &[f64]) -> impl Iterator<Item = (u32, f64)> {
+/// Inputs whose sources are known, and their values in front of any block: what a component keeps of the past (the line
+/// of a delay) begins with them.
+fn own_inputs<'a>(
+    feeds: &'a [Feed],
+    slots: &'a [f64],
+    known: &'a [bool],
+) -> impl Iterator<Item = (u32, f64)> + 'a {
     feeds.iter().filter_map(|feed| {
         let (slot, conversion) = feed.source?;
-        system_inputs.get(slot).map(|&value| (feed.reference, conversion.apply(value)))
+        known[slot].then(|| (feed.reference, conversion.apply(slots[slot])))
     })
 }
 

@@ -136,6 +136,11 @@ impl PartInstance {
         }
     }
 
+    /// Whether it is a slave.
+    pub fn is_stepped(&self) -> bool {
+        matches!(self, PartInstance::Stepped(_))
+    }
+
     /// The slave, if it is one.
     pub fn stepped(&mut self) -> Option<&mut Stepped> {
         match self {
