@@ -132,8 +132,8 @@ mod tests {
 
     #[test]
     fn errors_name_table_key_and_remedy() {
-        let (at, words) = refused("[cart]\nmass = 1\nfixed = true\n");
-        assert_eq!((at, &words[..]), (16, "[cart] has no key `fixed`; did you mean `is_fixed`?"));
+        let (at, words) = refused("[cart]\nmass = 1\nis_fixd = true\n");
+        assert_eq!((at, &words[..]), (16, "[cart] has no key `is_fixd`; did you mean `is_fixed`?"));
         assert_eq!(refused("[cart]\nis_fixed = true\n").1, "[cart] has no `mass`; add it");
         assert_eq!(
             refused("[cart]\nmass = \"1\"\n").1,

@@ -329,8 +329,8 @@ dissipative = true
             ("start = [1e-4, 1e-3]", "start = 1.0", "outside of its bounds, 0.000001 to 0.01"),
             ("bounds = [0, 1e6]", "bounds = [1, 0]", "bounds of `k`"),
             ("[parameters.k]", "[parameters.x]", "`x` is given twice"),
-            ("words", "word", "unknown field `word`"),
-            ("kind = \"bristle\"", "", "missing field `kind`"),
+            ("words", "word", "the file has no key `word`; did you mean `words`"),
+            ("kind = \"bristle\"", "", "the file has no `kind`; add it"),
             ("kind = \"bristle\"", "kind = \"my effect\"", "is no name"),
         ] {
             assert!(BRISTLE.contains(old));
