@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Whether the extension module of the wheel, and the library that runs a whole system as one FMU, have their libraries
-# with the features that these have in the program: else `make wheel` and `make fmu` would build all of them twice. And
-# whether the tests have them so.
+# with the features that these have in the program: else they would be built once more, the first for `make wheel`, the
+# second for `make fmu`. And whether the tests have them so.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -11,8 +11,10 @@ features() {
 
 # The first selection of packages, the second, and which Cargo.toml names too few features.
 same() {
-    local different
-    different=$(comm -23 <(features $1) <(features $2))
+    local first second different
+    first=$(features $1)
+    second=$(features $2)
+    different=$(comm -23 <(echo "$first") <(echo "$second"))
     if [ -n "$different" ]; then
         echo "$3 names other features of these libraries than the program or its tests need:" >&2
         echo "$different" >&2

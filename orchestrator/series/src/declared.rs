@@ -54,16 +54,16 @@ pub fn document(text: &str) -> Result<Spanned<DeTable<'_>>, Problem> {
 ///
 /// # Errors
 /// A key that there is not, one that is missing, or a value of another type.
-pub fn declared<T: DeserializeOwned>(document: Spanned<DeTable<'_>>, text: &str) -> Result<T, Problem> {
+pub fn from_document<T: DeserializeOwned>(document: Spanned<DeTable<'_>>, text: &str) -> Result<T, Problem> {
     T::deserialize(Deserializer::from(document)).map_err(|error| Problem::of(&error, text))
 }
 
 /// Reads the text of a file into the type that declares its keys.
 ///
 /// # Errors
-/// Those of [`document`] and [`declared`].
+/// Those of [`document`] and [`from_document`].
 pub fn read<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
-    declared(document(text)?, text)
+    from_document(document(text)?, text)
 }
 
 /// The message for an error of serde: the table or key that it is about, the value, and the key that was meant.

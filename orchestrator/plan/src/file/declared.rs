@@ -15,7 +15,7 @@ pub fn read<T: DeserializeOwned>(source: &Source) -> Result<T, Error> {
     let refuse = |problem: Problem| source.error_at(Place(problem.at), problem.words);
     let document = declared::document(&source.text).map_err(refuse)?;
     document.get_ref().values().try_for_each(|value| finite(source, value))?;
-    declared::declared(document, &source.text).map_err(refuse)
+    declared::from_document(document, &source.text).map_err(refuse)
 }
 
 /// Refuses `inf`, `nan`, and numbers too large to be told from them.

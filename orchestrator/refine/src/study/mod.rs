@@ -68,6 +68,7 @@ mod sparse;
 mod spiked;
 pub(crate) mod steps;
 mod taps;
+mod time_grid;
 pub mod tolerance;
 pub mod whole;
 mod with_corrections;
