@@ -1,8 +1,8 @@
 //! Named signals over one common time axis, read from and written to CSV, looked up between samples.
 //!
 //! Everything measured or simulated passes through [`TimeSeries`]. What a signal means (which component, which
-//! connector) is left to the layers above. Start with [`TimeSeries::new`] or [`csv::read`]. [`mod@declared`] reads the TOML files
-//! that users write.
+//! connector) is left to the layers above. Start with [`TimeSeries::new`] or [`csv::read`]. [`mod@declared`] reads the
+//! TOML files that users write.
 
 pub mod compound_unit;
 pub mod csv;
