@@ -147,3 +147,38 @@ def test_the_fmu_simulates_to_the_same_fit(tmp_path, case):
         fit = 100 * (1 - np.linalg.norm(measured - simulated[lags:]) / np.linalg.norm(measured - measured.mean()))
         # The record starts at rest only on average: noise and the mean move the start a little.
         assert fit == pytest.approx(summary["validation"]["fit_simulated"][f"y{i + 1}"], abs=0.05), i
+
+
+def lag_of_two_rates(command, step, gain=0.8, up=0.085, down=0.13, delay=8):
+    """A lag that fills and empties at rates of its own, behind a delay: no linear structure says that."""
+    late = np.concatenate([np.full(delay, command[0]), command])[: len(command)]
+    shown = np.empty(len(command))
+    shown[0] = gain * command[0]
+    for k in range(len(command) - 1):
+        wanted = gain * late[k]
+        shown[k + 1] = wanted + (shown[k] - wanted) * np.exp(-step / (up if wanted > shown[k] else down))
+    return shown
+
+
+def test_output_error_hides_no_offset_of_each_record_in_a_slow_pole(tmp_path):
+    rng, n, step = np.random.default_rng(3), 2000, 0.005
+    t = step * np.arange(n)
+    phase = 2 * np.pi * (0.1 * t + 0.195 * t * t)
+    commands = [stairs(rng, n, 1, hold)[:, 0] * 3.5 + 4.5 for hold in (120, 60)] + [4.5 + 3 * np.sin(phase)]
+    commands += [4.5 + 2 * np.sign(np.sin(2 * np.pi * 0.7 * t)) + np.sign(np.sin(2 * np.pi * 1.9 * t))]
+    commands += [stairs(rng, n, 1, 100)[:, 0] * 3.5 + 4.5]
+    files = []
+    for k, command in enumerate(commands):
+        shown = lag_of_two_rates(command, step) + 0.008 * rng.standard_normal(n)
+        files.append(tmp_path / f"r{k}.csv")
+        save(files[-1], command[:, None], shown[:, None], step)
+    orders = ["--na", "4", "--nb", "4", "--nk", "9", "--validate", files[-1]]
+    fits = {
+        method: identify(tmp_path / method, files[:-1], (1, 1), *orders, "--method", method)
+        for method in ("least-squares", "output-error")
+    }
+    estimation, validation = (
+        {method: fit[role]["mean_fit_simulated"] for method, fit in fits.items()} for role in ("estimation", "validation")
+    )
+    assert estimation["output-error"] > estimation["least-squares"] - 1.0, estimation
+    assert validation["output-error"] > validation["least-squares"] - 1.0, validation

@@ -10,6 +10,8 @@ const MIN_SPREAD_OVER_NOISE: f64 = 1.5;
 const MIN_RATIO_OF_ANOTHER_REGIME: f64 = 3.0;
 /// Ratio of spreads from which on what was fitted says nothing of the validation records: all of it is extrapolation.
 const MIN_RATIO_OF_EXTRAPOLATION: f64 = 10.0;
+/// Ratio of spreads up to which the smaller one is rounding: a signal that stands still.
+const MAX_RATIO_OF_ROUNDING: f64 = 1e-9;
 /// Periods that a frequency needs.
 const MIN_PERIODS: f64 = 5.0;
 /// Distance from the mean over the standard deviation at which a period is counted, so that noise is not.
@@ -79,6 +81,12 @@ pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
         let [fitted, judged] = [&own.estimation, &own.validation].map(|records| deviation(records));
         let ratio = judged / fitted;
         let significant = judged > MIN_SPREAD_OVER_NOISE * own.noise;
+        if own.driven && judged > 0.0 && fitted <= MAX_RATIO_OF_ROUNDING * judged {
+            return Err(format!(
+                "`{}` does not move in the estimation records, and does in the validation records: nothing can be fitted to what it does. Exchange the roles, or give both roles records in which it moves",
+                own.name
+            ));
+        }
         if fitted > 0.0 && ratio > MIN_RATIO_OF_EXTRAPOLATION && significant {
             return Err(format!(
                 "`{}` is {ratio:.0} times larger in the validation records (standard deviation {judged:.3e}) than in the estimation records ({fitted:.3e}): what is fitted to small motion says nothing of large motion. Exchange the roles, or give both roles records of either kind",

@@ -54,7 +54,15 @@ fn size(effect: &Effect) -> String {
     let one = |p: &Parameter| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
         let half = 0.5 * (p.interval.1 - p.interval.0);
-        format!("{} {}{unit} \u{b1} {}", p.name, rounded(p.value, half), rounded(half, half))
+        let value = rounded(p.value, half);
+        // A fit has no interval for a parameter that it holds at a bound.
+        if half == 0.0 {
+            return format!("{} {value}{unit} (as far as it may go)", p.name);
+        }
+        if !half.is_finite() {
+            return format!("{} {value}{unit} (not determined by these records)", p.name);
+        }
+        format!("{} {value}{unit} \u{b1} {}", p.name, rounded(half, half))
     };
     let all: Vec<String> = effect.parameters.iter().map(one).collect();
     all.join(", ")
@@ -77,8 +85,29 @@ pub fn rounded(value: f64, half: f64) -> String {
 
 /// The answer in one sentence, or two; of a search that ended early the best so far.
 pub fn sentence(answer: &Answer) -> String {
-    let found = answered(answer);
-    if answer.partial { format!("{found} The search ended before it was through.") } else { found }
+    match (answer.partial, answer.verdict) {
+        // Effects that were not tried are not excluded.
+        (true, Verdict::Unexplained) => {
+            let at = answer
+                .unexplained
+                .as_ref()
+                .map_or_else(String::new, |(place, _)| format!(" at {}", at(place)));
+            format!(
+                "The search ended before it was through: something is missing{at}, and none of the effects tried so far explains it. Give it more time with --budget."
+            )
+        }
+        (true, _) => format!("{} The search ended before it was through.", answered(answer)),
+        (false, _) => answered(answer),
+    }
+}
+
+/// A place in words: its port, its channel, or both.
+fn at(place: &str) -> String {
+    match names::place(place) {
+        (channel, Some(port)) if channel.is_empty() => port.to_owned(),
+        (channel, Some(port)) => format!("{port} (channel {channel})"),
+        (channel, None) => format!("{} (channel {channel})", names::channel(channel)),
+    }
 }
 
 fn answered(answer: &Answer) -> String {
@@ -86,7 +115,7 @@ fn answered(answer: &Answer) -> String {
     let list =
         chosen.iter().map(|e| format!("{}: {}", in_words(e), size(e))).collect::<Vec<_>>().join("; and ");
     let rest = answer.unexplained.as_ref().map(|(place, variables)| {
-        let (channel, port) = names::place(place);
+        let (channel, _) = names::place(place);
         let on = match variables.is_empty() {
             true => String::new(),
             false => {
@@ -99,12 +128,7 @@ fn answered(answer: &Answer) -> String {
                 "The actuator does not follow its declared model where the piston moves (channel {channel}{on}): a pneumatic cylinder from first principles takes its place."
             );
         }
-        let at = match (port, channel) {
-            (Some(port), "") => port.to_owned(),
-            (Some(port), channel) => format!("{port} (channel {channel})"),
-            (None, channel) => format!("{} (channel {channel})", names::channel(channel)),
-        };
-        format!("something at {at}{on}, that is none of the known effects")
+        format!("something at {}{on}, that is none of the known effects", at(place))
     });
     match (answer.verdict, rest) {
         (Verdict::Effect, Some(moving)) if answer.cylinder => {

@@ -51,8 +51,8 @@ pub enum Error {
     Quote { path: PathBuf, line: usize },
     /// A row with more or fewer cells than the header.
     #[error(
-        "{}: line {line}: {found} cells, but the header has {expected} columns; a missing value cannot be left out",
-        path.display()
+        "{}: line {line}: {found} cells, but the header has {expected} columns; {}",
+        path.display(), cells_hint(*found, *expected)
     )]
     RowLength { path: PathBuf, line: usize, found: usize, expected: usize },
     /// A cell that is not a number.
@@ -82,6 +82,16 @@ pub enum Error {
     /// A column that is asked for but not there.
     #[error("{}: there is no column `{column}`; the file has: {columns}", path.display())]
     MissingColumn { path: PathBuf, column: String, columns: String },
+}
+
+/// A hint on a row of another length: with decimal commas every number but those without digits behind it makes two
+/// cells.
+fn cells_hint(found: usize, expected: usize) -> &'static str {
+    if found > expected && found <= 2 * expected && expected > 1 {
+        "are there decimal commas? Numbers need points, as in 1.5"
+    } else {
+        "a missing value cannot be left out"
+    }
 }
 
 /// Factor of a unit of time; small units divide by a whole number, which rounds once (7 ms is 0.007 s).

@@ -220,6 +220,33 @@ fn simple(name: &str) -> Option<Unit> {
     Some(Unit { exponents, factor, offset })
 }
 
+/// Number and unit of a text such as `"150 mm"`; no unit where none is written.
+///
+/// # Errors
+/// Fault of the text, in words.
+pub fn parse_quantity(text: &str) -> Result<(f64, Option<String>), String> {
+    let text = text.trim();
+    let hint = "write a number and a unit, such as \"150 mm\"";
+    if text.is_empty() {
+        return Err(format!("there is no number; {hint}"));
+    }
+    // The longest beginning that is a number: units such as `m` never extend it, `1e-3` does.
+    let ends: Vec<usize> = text.char_indices().map(|(at, c)| at + c.len_utf8()).collect();
+    let number = ends.iter().rev().find_map(|&end| {
+        let digits = text[..end].trim_end();
+        let plain = digits.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
+        plain.then(|| digits.parse::<f64>().ok().map(|value| (value, end))).flatten()
+    });
+    let Some((value, end)) = number else {
+        return Err(format!("`{text}` does not begin with a number; {hint}"));
+    };
+    if !value.is_finite() {
+        return Err(format!("`{text}` is not finite"));
+    }
+    let unit = text[end..].trim();
+    Ok((value, (!unit.is_empty()).then(|| unit.to_owned())))
+}
+
 /// A duration as written on the command line, in s: `"1ms"`, `"0.5 s"`, `"2"` (seconds).
 ///
 /// # Errors
@@ -372,6 +399,28 @@ mod tests {
         for text in ["", "s", "1 parsec", "-1s", "inf", "nan", "1e999", "1,5s", "1 2"] {
             let message = parse_duration(text).expect_err(text).to_string();
             assert!(message.contains(&format!("'{text}'")), "{message}");
+        }
+    }
+
+    #[test]
+    fn numbers_and_units_are_told_apart() {
+        for (text, value, unit) in [
+            ("150 mm", 150.0, Some("mm")),
+            ("2s", 2.0, Some("s")),
+            ("1e-3 m", 1e-3, Some("m")),
+            ("-4.5", -4.5, None),
+            ("3 1/s", 3.0, Some("1/s")),
+            (" 180deg ", 180.0, Some("deg")),
+        ] {
+            assert_eq!(parse_quantity(text), Ok((value, unit.map(str::to_owned))), "{text}");
+        }
+    }
+
+    #[test]
+    fn texts_without_a_number_are_refused_with_an_example() {
+        for text in ["", "mm", "much", "inf m", "1e999 m"] {
+            let message = parse_quantity(text).expect_err(text);
+            assert!(message.contains("150 mm") || message.contains("not finite"), "{message}");
         }
     }
 }

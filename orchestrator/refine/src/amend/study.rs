@@ -31,10 +31,10 @@ const SAMPLES_PER_STEP: f64 = 10.0;
 /// A system whose files cannot be read again.
 pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Error> {
     let mut graph = open::system(file).map_err(Box::new)?;
-    let declared =
-        file.declaration.parameters.iter().map(|(name, value)| (name, value.get_ref().to_string()));
+    let declared = file.declaration.parameters.iter();
+    let declared = declared.map(|(name, value)| (name, open::text_of(&graph, name, value.get_ref())));
     let fitted = answer.fitted.iter().map(|(name, value)| (name, format!("{value:?}")));
-    for (name, value) in declared.chain(fitted) {
+    for (name, value) in declared.chain(fitted).collect::<Vec<_>>() {
         graph.set_start(name, &value, &format!("{name} of {}", file.path.display()))?;
     }
     let path = work.join(".declared.ssd");

@@ -60,6 +60,7 @@ pub fn search(question: &Question) -> Found {
     if !stop::asked() {
         question.system.stage("several effects at once");
         run.sets(&mut found);
+        run.exchange(&mut found);
     }
     if !stop::asked() {
         question.system.stage("form of the effects");

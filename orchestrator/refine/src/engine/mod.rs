@@ -3,6 +3,7 @@
 mod acceptance;
 pub mod candidate;
 pub mod corrected;
+mod exchange;
 pub mod fit;
 pub mod forward_selection;
 pub mod goodness;

@@ -133,6 +133,11 @@ impl Question<'_> {
         self.changes.contains(&candidate)
     }
 
+    /// Whether one of some candidates is another value of a declared parameter.
+    pub(super) fn changes_among(&self, candidates: &[usize]) -> bool {
+        candidates.iter().any(|&c| self.is_change(c))
+    }
+
     /// Whether a change goes beyond what the correction may do that it takes the place of.
     pub(super) fn is_beyond_correction(&self, change: usize, p: &[f64]) -> bool {
         let reach = |own: &Correction| self.settings.max_tolerances * own.free.prior.unwrap_or(f64::INFINITY);

@@ -18,7 +18,7 @@ const MAX_NOISE_LEFT: f64 = 2.0;
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 
 /// Words that the report adds to the reason why an effect of a set was rejected before.
-const NEEDED: &str = "; the set of the last step needs it";
+const NEEDED: &str = "; a set of effects that was accepted later needs it";
 
 /// Effects and parameters to start from.
 type Proposal = (Vec<usize>, Vec<f64>);

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use airloop_series::declared;
+use airloop_series::units::{self, Compatibility};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
@@ -75,6 +76,33 @@ impl std::fmt::Display for Value {
             Value::Number(value) => write!(f, "{value}"),
             Value::Boolean(value) => write!(f, "{value}"),
             Value::Text(value) => f.write_str(value),
+        }
+    }
+}
+
+impl Value {
+    /// The value as a number in the unit `wanted` of its parameter.
+    ///
+    /// # Errors
+    /// A value that is no number, or a unit that does not fit, in words.
+    pub fn real(&self, wanted: Option<&str>) -> Result<f64, String> {
+        let text = match self {
+            Value::Number(number) => return Ok(*number),
+            Value::Boolean(value) => return Err(format!("it is a Real; `{value}` is no number")),
+            Value::Text(text) => text,
+        };
+        let (number, unit) = units::parse_quantity(text)?;
+        let Some(unit) = unit else { return Ok(number) };
+        let known = |unit: &str| units::lookup(unit).ok_or_else(|| format!("unit `{unit}` is not known"));
+        let Some(wanted) = wanted else {
+            return Err(format!(
+                "the FMU gives it no unit, so that `{text}` cannot be converted; write a number"
+            ));
+        };
+        match units::compatible(&known(&unit)?, &known(wanted)?) {
+            Compatibility::Equal => Ok(number),
+            Compatibility::Convertible { factor, offset } => Ok(factor * number + offset),
+            Compatibility::Incompatible => Err(format!("it is in {wanted}; `{text}` is none of that")),
         }
     }
 }

@@ -24,6 +24,7 @@ use crate::{Error, regime};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::order::check_loops;
 use airloop_fmi::{Causality, InterfaceKind, template_folder};
+use airloop_series::names::suggestion;
 
 /// FMUs of this project in a study: `airloop:NAME`.
 const OWN: &str = "airloop:";
@@ -149,19 +150,26 @@ fn check(file: &File) -> Result<(), Error> {
                 return Err(file.refuse(
                     spanned,
                     format!(
-                        "effect `{id}` is none of {}; known are: {}",
+                        "effect `{id}` is none of {}; {}",
                         if attachment.channels.is_empty() {
                             "a port without channels".to_owned()
                         } else {
                             format!("the channels {:?}", attachment.channels)
                         },
-                        known.join(", ")
+                        suggestion(kind, known.iter().copied())
                     ),
                 ));
             }
         }
     }
     Ok(())
+}
+
+/// Text of a declared parameter as its FMU takes it: a Real in its own unit.
+pub(crate) fn text_of(graph: &SystemGraph, name: &str, value: &Value) -> String {
+    let is_real = Plant::parameter(graph, name).is_some();
+    let number = is_real.then(|| value.real(names::unit_of(graph, name).as_deref()).ok()).flatten();
+    number.map_or_else(|| value.to_string(), |number| number.to_string())
 }
 
 /// Fixed parameters with their values, and entries of the parameter vector.
@@ -179,10 +187,9 @@ fn parameters(file: &File, graph: &SystemGraph) -> Result<Values, Error> {
     for (name, value) in &declaration.parameters {
         // Those of other types are start values of the system.
         let Some((parameter, _, bounds)) = Plant::parameter(graph, name) else { continue };
-        let Value::Number(number) = *value.get_ref() else {
-            let given = value.get_ref();
-            return Err(file.refuse(value, format!("`{name}` is a Real; `{given}` is no number")));
-        };
+        let unit = names::unit_of(graph, name);
+        let number = value.get_ref().real(unit.as_deref());
+        let number = number.map_err(|problem| file.refuse(value, format!("`{name}`: {problem}")))?;
         if !(bounds.0..=bounds.1).contains(&number) {
             return Err(file.refuse(
                 value,

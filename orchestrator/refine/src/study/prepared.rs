@@ -7,7 +7,9 @@ use super::integration;
 use super::model::Study;
 use super::observability;
 use super::open::open;
+use super::scale;
 use super::search::Say;
+use super::settled;
 use super::sign;
 use super::spiked;
 use super::tolerance;
@@ -15,6 +17,9 @@ use crate::Error;
 use crate::engine::System;
 use crate::engine::fit::Fit;
 use crate::vocabulary::attach;
+
+/// Step \[s\] from which on the time of a file that a model cannot follow may be in milliseconds.
+const MIN_STEP_OF_MILLISECONDS: f64 = 0.5;
 
 /// A study before the search.
 pub struct Prepared {
@@ -41,6 +46,8 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     let fitted = declared(file, &study);
     let suspicion = sign::check(file, &mut study)?;
     let declared = fitted?;
+    scale::check(file, &study, &declared)?;
+    settled::check(file, &study, &declared)?;
     spiked::silence(&mut study, &declared);
     let (mut survey, trace) = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
@@ -64,6 +71,16 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     Ok(Prepared { study, attachments, declared, suspicion })
 }
 
+/// A hint where samples are far apart.
+fn slow_samples(step: f64) -> String {
+    if step < MIN_STEP_OF_MILLISECONDS {
+        return String::new();
+    }
+    format!(
+        ". Its samples are {step:.4} s apart: if its time is in milliseconds, the header has to say so, as in `time [ms]`"
+    )
+}
+
 /// Fits the declared model: its free parameters and initial states.
 fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
     let spread = |o: usize| {
@@ -85,8 +102,9 @@ fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
                 // Fitted parameters and initial states may keep it from that.
                 None if role == Role::Validation => continue,
                 None => format!(
-                    "it diverges after {:.3} s; check parameters, units, initial states and step_s",
-                    (at % record.n) as f64 * record.step
+                    "it diverges after {:.3} s; check parameters, units, initial states and step_s{}",
+                    (at % record.n) as f64 * record.step,
+                    slow_samples(record.step)
                 ),
             };
             return Err(file

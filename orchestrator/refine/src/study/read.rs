@@ -122,6 +122,9 @@ impl Layout {
 /// Ratio of `step_s` to the step of a file below which samples lie between its samples.
 const SHORT_STEP: f64 = 0.9;
 
+/// Steps behind the end of a file from which on `to_s` lies beyond it.
+const BEYOND_THE_END: f64 = 1.5;
+
 /// Factor and offset from the unit of a column to that of the signal `wanted`.
 fn conversion(
     source: &TimeSeries,
@@ -304,6 +307,13 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 "between {from} s and {to} s there are {} samples, a segment needs at least 16; the file goes from {begin} s to {end} s{clock}",
                 last.saturating_sub(first),
             )));
+        }
+        if let Some(to) = segment.to_s.filter(|to| *to > time[time.len() - 1] + BEYOND_THE_END * grid.step) {
+            notes.push(format!(
+                "{}: it ends at {} s, before to_s = {to} s.",
+                segment.file,
+                round(time[time.len() - 1])
+            ));
         }
         let make = |whole: bool, corner: Option<f64>| {
             one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)

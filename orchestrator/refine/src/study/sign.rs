@@ -3,7 +3,7 @@
 
 use toml::Spanned;
 
-use super::declaration::{File, Role};
+use super::declaration::{File, Role, Signal};
 use super::fits::Fits;
 use super::model::Study;
 use super::read::Record;
@@ -20,6 +20,9 @@ const MAX_ERROR_OF_CLEAR_SIGN: f64 = 0.5;
 /// Ratio of the errors of an answer and of the declared model with the other sign up to which the answer explains what
 /// looked like a wrong sign.
 const MAX_RATIO_OF_ANSWER: f64 = 0.5;
+
+/// Ratio of their errors up to which two columns may equally be the one of the other sign.
+const MAX_RATIO_OF_EQUALS: f64 = 1.05;
 
 /// A column that may have the other sign, if the search finds nothing better.
 pub struct Suspicion {
@@ -50,18 +53,23 @@ pub fn check(file: &File, study: &mut Study) -> Result<Option<Suspicion>, Error>
     if stated <= MIN_ERROR {
         return Ok(None);
     }
-    let mut best: Option<(f64, Vec<Place>)> = None;
+    let mut found: Vec<(f64, Vec<Place>)> = Vec::new();
     for places in flips(study) {
         negate(&mut study.records, &places);
         let other = error(study);
         negate(&mut study.records, &places);
-        if best.as_ref().is_none_or(|(least, _)| other < *least) && other.is_finite() {
-            best = Some((other, places));
+        if is_wrong(stated, other) {
+            found.push((other, places));
         }
     }
-    match best.filter(|(other, _)| is_wrong(stated, *other)) {
-        Some((other, places)) => {
-            let refusal = refusal(file, study, &places, (stated, other));
+    // In a linear system a command and a sensor of the other sign leave the same.
+    let least = found.iter().map(|own| own.0).fold(f64::INFINITY, f64::min);
+    found.retain(|own| own.0 <= MAX_RATIO_OF_EQUALS * least);
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    match found.first().map(|own| own.0) {
+        Some(other) => {
+            let rivals: Vec<&[Place]> = found.iter().map(|own| &own.1[..]).collect();
+            let refusal = refusal(file, study, &rivals, (stated, other));
             let clear = other <= MAX_ERROR_OF_CLEAR_SIGN || !stated.is_finite();
             if clear { Err(refusal) } else { Ok(Some(Suspicion { other, refusal })) }
         }
@@ -120,42 +128,53 @@ fn negate(records: &mut [Record], places: &[Place]) {
     }
 }
 
-/// The error that tells key and place in the file of the other sign.
-fn refusal(file: &File, study: &Study, places: &[Place], (stated, other): (f64, f64)) -> Error {
-    let declaration = &file.declaration;
-    let mut remedies = Vec::new();
-    let mut at: Option<&Spanned<_>> = None;
-    let mut column = String::new();
-    for &(list, index) in places {
-        let Some(signal) = &study.sensors.signals[list][index] else { continue };
-        if let Some(source) = signal.source() {
-            column.clone_from(source);
-        }
-        let (table, name) = match list {
-            0 => ("inputs", study.graph.inputs[index].name.clone()),
-            2 => ("signals", study.extra[index].clone()),
-            3 => ("outputs", study.outputs[index].port.clone()),
-            _ => {
-                let own = declaration.states.iter().find(|(_, own)| own.get_ref() == signal);
-                ("states", own.map(|(name, _)| name.clone()).unwrap_or_default())
+/// The error that tells key and place in the file of the other sign; `rivals`: what may be of it, best first.
+fn refusal(file: &File, study: &Study, rivals: &[&[Place]], (stated, other): (f64, f64)) -> Error {
+    let mut at: Option<&Spanned<Signal>> = None;
+    let (mut columns, mut remedies) = (Vec::new(), Vec::new());
+    for places in rivals {
+        let mut own = Vec::new();
+        for &(list, index) in *places {
+            let Some(signal) = &study.sensors.signals[list][index] else { continue };
+            let Some(column) = signal.source() else { continue };
+            if !columns.contains(column) {
+                columns.push(column.clone());
             }
-        };
-        let stated = match list {
-            0 => declaration.inputs.get(&name),
-            1 => declaration.states.get(&name),
-            2 => declaration.signals.get(&name),
-            _ => None,
-        };
-        at = at.or(stated);
-        remedies.push(format!("`scale = {}` at {table}.{name}", -signal.scale.unwrap_or(1.0)));
+            let (table, name) = stated_as(file, study, (list, index));
+            let declaration = &file.declaration;
+            at = at.or(match list {
+                0 => declaration.inputs.get(&name),
+                1 => declaration.states.get(&name),
+                2 => declaration.signals.get(&name),
+                _ => None,
+            });
+            own.push(format!("`scale = {}` at {table}.{name}", -signal.scale.unwrap_or(1.0)));
+        }
+        remedies.push(own.join(", "));
     }
+    let columns: Vec<String> = columns.iter().map(|column| format!("`{column}`")).collect();
     let problem = format!(
-        "column `{column}` has the other sign than in the declared model: {}; write {} (a command that acts in the other direction, a sensor that counts in the other), or correct the model",
+        "column {} has the other sign than in the declared model: {}; write {} (a command that acts in the other direction, a sensor that counts in the other), or correct the model",
+        columns.join(" or "),
         words(stated, other),
-        remedies.join(", ")
+        remedies.join(", or ")
     );
-    match at {
+    match at.filter(|_| columns.len() == 1) {
         Some(at) => file.refuse(at, problem),
         None => file.refuse_all(problem),
+    }
+}
+
+/// Table and key of a signal in the file.
+fn stated_as(file: &File, study: &Study, (list, index): Place) -> (&'static str, String) {
+    match list {
+        0 => ("inputs", study.graph.inputs[index].name.clone()),
+        2 => ("signals", study.extra[index].clone()),
+        3 => ("outputs", study.outputs[index].port.clone()),
+        _ => {
+            let signal = study.sensors.signals[list][index].as_ref();
+            let own = file.declaration.states.iter().find(|(_, own)| Some(own.get_ref()) == signal);
+            ("states", own.map(|(name, _)| name.clone()).unwrap_or_default())
+        }
     }
 }

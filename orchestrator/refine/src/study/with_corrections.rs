@@ -2,7 +2,7 @@
 //! corrections found.
 
 use super::by_share::{self, ByShare};
-use super::fits::Fits;
+use super::fits::{Fits, Model};
 use super::search::Selection;
 use crate::engine::stop;
 
@@ -27,6 +27,15 @@ pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option
         // Corrections make nothing worse: where they seem to, their fit ended short of its optimum.
         let fell_short = found.selection.best.error > MAX_ERROR_BESIDE_CORRECTIONS * exact.best.error;
         let again = fell_short.then(|| search.refitted(&found, &exact.best.fit.parameters));
+        // The search beside corrections looks at more rivals.
+        for own in &found.selection.equals {
+            let known = |other: &(usize, Model)| {
+                other.0 == own.0 && other.1.added.iter().all(|c| own.1.added.contains(c))
+            };
+            if !exact.equals.iter().any(known) {
+                exact.equals.push(own.clone());
+            }
+        }
         found.beside_corrections = Some(again.unwrap_or(found.selection.best));
         (found.selection, found.corrections, found.weighted) = (exact.clone(), Vec::new(), false);
         return (exact, Some(found));

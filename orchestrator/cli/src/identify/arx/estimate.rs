@@ -9,15 +9,22 @@ use airloop::Error;
 use airloop_ident::arx::{self, Estimate, Names};
 use airloop_ident::diagnostics::Kind;
 use airloop_ident::excitation::{Excitation, excitation};
-use airloop_ident::model::Arx;
 use airloop_ident::model::file::rows;
+use airloop_ident::model::{Arx, Model};
+use airloop_ident::output_error::OutputError;
 use airloop_ident::parameters::Parameters;
+use airloop_ident::playback::Playback;
 use airloop_ident::rational::Mask;
+use airloop_ident::score::Tally;
+use airloop_ident::source::Source;
 use airloop_ident::structure::Structure;
 use airloop_ident::{instrumental_variables, output_error};
 
 /// Condition number of the regressors above which small errors of the data turn into large ones of the coefficients.
 const MAX_CONDITION_NUMBER: f64 = 3e4;
+
+/// Time constants of the slowest pole in the longest record, where poles that are slower serve as offsets.
+const POLES_PER_RECORD: f64 = 3.0;
 
 /// An estimated model with what is known about it.
 pub struct Estimated {
@@ -92,8 +99,7 @@ pub fn estimate(
             }
         }
         MethodChoice::OutputError => {
-            let options = output_error::Options::default();
-            let found = output_error::refine(&model, &mask, loaded.records()?, &options)?;
+            let found = output_error(&model, &mask, loaded, &mut estimated.warnings)?;
             estimated.replace(found.model, found.parameters, &found.noise_covariance);
             let sentence = format!("output error: {}", found.outcome.describe());
             match found.outcome {
@@ -103,6 +109,62 @@ pub fn estimate(
         }
     }
     Ok(estimated)
+}
+
+/// Output error from the least-squares `model` on. A pole much slower than the records makes an offset of its own of
+/// the free initial state of each, which nothing simulates; where the model is no better for it when it is simulated, poles
+/// are kept as fast as the records are long.
+fn output_error(
+    model: &Arx,
+    mask: &Mask,
+    loaded: &Loaded,
+    warnings: &mut Vec<String>,
+) -> Result<OutputError, Error> {
+    let options = output_error::Options::default();
+    let found = output_error::refine(model, mask, loaded.records()?, &options)?;
+    let sources = loaded.estimation();
+    let [before, after] = [simulated_fit(model, &sources)?, simulated_fit(&found.model, &sources)?];
+    if !(before > after) {
+        return Ok(found);
+    }
+    let longest = sources.iter().map(|source| source.samples()).max().unwrap_or(1);
+    let largest_pole = (1.0 - POLES_PER_RECORD / longest as f64).clamp(0.0, options.largest_pole);
+    let options = output_error::Options { largest_pole, ..options };
+    let faster = output_error::refine(model, mask, loaded.records()?, &options)?;
+    let again = simulated_fit(&faster.model, &sources)?;
+    let chosen = if again > after {
+        warnings.push("a pole much slower than the records served as an offset of each of them; poles are kept as fast as the records are long".into());
+        faster
+    } else {
+        found
+    };
+    let reached = again.max(after);
+    if reached < before {
+        warnings.push(format!(
+            "output error simulates the estimation data worse ({reached:.1} %) than least squares ({before:.1} %), as it fits the initial state of every record as well: records differ by more than this structure can say; try --method least-squares, or another order"
+        ));
+    }
+    Ok(chosen)
+}
+
+/// Mean simulated fit over outputs and records \[%\]; below all others for an unstable model.
+fn simulated_fit(model: &Arx, sources: &[&dyn Source]) -> Result<f64, Error> {
+    if !model.is_stable() {
+        return Ok(f64::NEG_INFINITY);
+    }
+    let n_y = model.output_offset.len();
+    let names: Vec<String> = (0..n_y).map(|i| i.to_string()).collect();
+    let playback = Playback::new(model, true);
+    let (mut sum, mut count) = (0.0, 0);
+    for source in sources {
+        let mut tally = Tally::new(source.name(), n_y, playback.warm_up());
+        playback.run(*source, &mut |played| tally.add(&played))?;
+        for fit in tally.finish(&names).fit_simulated.values().flatten() {
+            sum += fit;
+            count += 1;
+        }
+    }
+    Ok(sum / f64::from(count.max(1)))
 }
 
 impl Estimated {

@@ -1,0 +1,94 @@
+//! Sizes of the columns of a study: a column of another unit is found before the search, not explained by it as an
+//! effect.
+
+use super::declaration::File;
+use super::fits::Fits;
+use super::model::Study;
+use crate::Error;
+use crate::engine::System;
+use crate::engine::fit::Fit;
+
+/// Factor between what is measured and what the declared model gives from which on it is no effect: units that are
+/// mistaken for one another differ by 57 (degrees), 60, 100 or 1000.
+const MIN_FACTOR: f64 = 30.0;
+/// Error with that factor, over the spread of the records, up to which the signal is the one of the model.
+const MAX_ERROR: f64 = 0.5;
+/// Ratio of the factors of outputs up to which one command may be the reason of all.
+const MAX_RATIO_OF_FACTORS: f64 = 1.2;
+
+/// What is measured at an output against what the declared model gives there.
+struct Size {
+    output: usize,
+    /// Factor from the model to the record.
+    factor: f64,
+    /// Errors over the spread of the records: without and with the factor.
+    errors: [f64; 2],
+}
+
+/// Refuses a study one of whose outputs, or the command of all, has another unit than in the declared model.
+///
+/// # Errors
+/// Column, factor, errors without and with it, and what to write where.
+pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
+    let sizes: Vec<Size> = (0..study.outputs.len()).filter_map(|o| size(study, declared, o)).collect();
+    let other = |own: &Size| {
+        let factor = own.factor.abs();
+        own.errors[1] <= MAX_ERROR && (factor >= MIN_FACTOR || factor <= 1.0 / MIN_FACTOR)
+    };
+    let Some(worst) =
+        sizes.iter().filter(|own| other(own)).min_by(|a, b| a.errors[1].total_cmp(&b.errors[1]))
+    else {
+        return Ok(());
+    };
+    let alike = |own: &Size| {
+        let ratio = own.factor / worst.factor;
+        (1.0 / MAX_RATIO_OF_FACTORS..MAX_RATIO_OF_FACTORS).contains(&ratio)
+    };
+    let by_command = sizes.len() == study.outputs.len() && sizes.len() > 1 && sizes.iter().all(alike);
+    let output = &study.outputs[worst.output];
+    let key = match by_command {
+        true => "the input that drives them".to_owned(),
+        false => format!("outputs.{}", output.port),
+    };
+    let percent = worst.errors.map(|error| format!("{:.0} %", 100.0 * error));
+    let problem = format!(
+        "{} {:.3e} times as large as in the declared model, which leaves an error of {} of the spread of the records, and {} with that factor: another unit? Its column says it behind the name, as in `p [bar]`, or `unit` or `scale` at {key}; else correct the model",
+        if by_command { "all outputs are".to_owned() } else { format!("column `{}` is", output.name) },
+        worst.factor,
+        percent[0],
+        percent[1],
+    );
+    match file.declaration.outputs.get(&output.port).filter(|_| !by_command) {
+        Some(at) => Err(file.refuse(at, problem)),
+        None => Err(file.refuse_all(problem)),
+    }
+}
+
+/// Least squares of an output over what the model gives, each about its mean on the second half of every record.
+fn size(study: &Study, declared: &Fit, output: usize) -> Option<Size> {
+    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
+    let view = fits.view(&[], &fits.pieces);
+    // Sums of products: model with itself, model with record, record with itself, error with itself.
+    let mut sums = [0.0; 4];
+    for (piece, own) in fits.pieces.iter().enumerate() {
+        let n = own.range.len();
+        // Initial states that were fitted to another size show at the beginning.
+        let range = output * n + n / 2..(output + 1) * n;
+        let locals = declared.locals.get(piece).map_or(&[][..], Vec::as_slice);
+        let given = &view.predict(piece, &declared.parameters, locals)[range.clone()];
+        let measured = &view.measured(piece)[range];
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let means = [mean(given), mean(measured)];
+        for (m, y) in given.iter().zip(measured) {
+            let (m, y) = (m - means[0], y - means[1]);
+            let products = [m * m, m * y, y * y, (y - m).powi(2)];
+            sums.iter_mut().zip(products).for_each(|(sum, own)| *sum += own);
+        }
+    }
+    let [model, both, record, error] = sums;
+    let factor = both / model;
+    let left = record - factor * both;
+    let errors = [error, left].map(|square| (square.max(0.0) / record).sqrt());
+    let finite = factor.is_finite() && errors.iter().all(|own| own.is_finite());
+    finite.then_some(Size { output, factor, errors })
+}

@@ -1,0 +1,100 @@
+"""Slips of a study that an effect would explain well: a column of another unit, records that begin elsewhere, a sign that a
+command and a sensor share; and effects that what is left does not tell apart."""
+
+import json
+
+import numpy as np
+import pytest
+
+from command import start
+
+STEP, COUNT, GAIN, TAU, NOISE = 0.005, 2000, 0.8, 0.1, 0.008
+
+SIGNALS = (
+    '[inputs]\nF = { column = "command", hold = true, unit = "N" }\n'
+    '[outputs]\nv = { column = "pressure", unit = "UNIT" }\n'
+)
+
+
+def record(path, seed, up=TAU, down=TAU, delay=0, still=False, first=None):
+    """Pressure behind a lag, which may fill and empty at rates of its own, after a delay [samples]."""
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.uniform(1, 8, COUNT // 50), 50)
+    if still:
+        command[:] = command[0]
+    late = np.concatenate([np.full(delay, command[0]), command])[:COUNT]
+    pressure = np.empty(COUNT)
+    pressure[0] = GAIN * command[0] if first is None else first
+    for k in range(COUNT - 1):
+        wanted = GAIN * late[k]
+        tau = up if wanted > pressure[k] else down
+        pressure[k + 1] = wanted + (pressure[k] - wanted) * np.exp(-STEP / tau)
+    rows = np.column_stack([STEP * np.arange(COUNT), command, pressure + NOISE * rng.standard_normal(COUNT)])
+    np.savetxt(path, rows, delimiter=",", header="time,command,pressure", comments="", fmt="%.8g")
+
+
+def study(folder, signals=SIGNALS, mass=TAU / GAIN, initial='initial = "fit"\n', count=5, **plant):
+    """The lag by the mass of `airloop:rigid-mass`: m dv/dt = F - b v, with v for the pressure."""
+    text = f'system = "airloop:rigid-mass"\n[parameters]\nm = {mass}\nb = {1 / GAIN}\n' + signals.replace("UNIT", "m/s")
+    for k in range(count):
+        record(folder / f"r{k}.csv", 40 + k, **plant)
+        role = "estimation" if k < count - 1 else "validation"
+        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\n{initial}'
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+def run(path):
+    result = start("refine", path, "-o", path.parent / "out")
+    report = path.parent / "out" / "report.json"
+    return result, json.loads(report.read_text()) if report.exists() else None
+
+
+def refused(path, *words):
+    result, report = run(path)
+    assert result.returncode == 1 and report is None, result.stdout + result.stderr
+    for word in words:
+        assert word in result.stderr, result.stderr
+
+
+def test_a_mass_with_a_unit_is_that_mass(tmp_path):
+    refused(study(tmp_path, mass='"125 mm"'), "line 3", "`m`", "kg", "125 mm")
+    result, _ = run(study(tmp_path, mass=f'"{1e3 * TAU / GAIN} g"'))
+    assert result.returncode == 10, result.stdout + result.stderr
+
+
+def test_a_column_of_another_unit_is_no_gain(tmp_path):
+    path = study(tmp_path, SIGNALS.replace("UNIT", "mm/s"))
+    refused(path, "line", "`pressure`", "e-3 times", "another unit", "outputs.v")
+
+
+def test_records_that_begin_where_nothing_says_lack_no_effect(tmp_path):
+    refused(study(tmp_path, initial=""), "r0.csv", "begins with `pressure`", 'initial = "fit"', "[states]")
+    # They begin where the FMU does.
+    result, _ = run(study(tmp_path, initial="", first=0.0))
+    assert result.returncode == 10, result.stdout + result.stderr
+
+
+def test_a_sign_that_command_and_sensor_share_is_told_of_both(tmp_path):
+    path = study(tmp_path, SIGNALS.replace('unit = "UNIT"', 'unit = "m/s", scale = -1'))
+    refused(path, "`command`", " or `", "`pressure`", "inputs.F", "`scale = 1` at outputs.v")
+
+
+def test_a_command_that_stands_still_is_told(tmp_path):
+    path = study(tmp_path)
+    for k in range(4):
+        record(tmp_path / f"r{k}.csv", 60 + k, still=True, first=0.5)
+    refused(path, "`command` does not move in the estimation records")
+
+
+@pytest.mark.parametrize("delay", [8])
+def test_what_is_left_does_not_tell_a_delay_from_a_mode(tmp_path, delay):
+    """A lag of fixed time constant cannot fill and empty at rates of its own: what stands in the series leaves much."""
+    result, report = run(study(tmp_path, up=0.085, down=0.13, delay=delay))
+    chosen = {effect["id"]: effect["group"] for effect in report["effects"] if effect["selected"]}
+    assert "fill@F" in chosen, result.stdout
+    others = {own["id"] for own in report["effects"] if not own["selected"] and own["group"] in set(chosen.values())}
+    late = {"delay@F", "mode@F", "sensor.delay"}
+    if not report["complete"]:
+        assert result.returncode == 12, result.stdout
+        assert len(late & (set(chosen) | others)) >= 2, (chosen, others)
