@@ -111,9 +111,10 @@ pub fn estimate(
     Ok(estimated)
 }
 
-/// Output error from the least-squares `model` on. A pole much slower than the records makes an offset of its own of
-/// the free initial state of each, which nothing simulates; where the model is no better for it when it is simulated, poles
-/// are kept as fast as the records are long.
+/// Output error from the least-squares `model` on.
+///
+/// A pole much slower than the records makes an offset of its own of the free initial state of each, which nothing
+/// simulates; where the model is no better for it when it is simulated, poles are kept as fast as the records are long.
 fn output_error(
     model: &Arx,
     mask: &Mask,
