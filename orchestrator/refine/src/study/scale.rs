@@ -16,7 +16,7 @@ const MAX_ERROR: f64 = 0.5;
 /// Ratio of the factors of outputs up to which one command may be the reason of all.
 const MAX_RATIO_OF_FACTORS: f64 = 1.2;
 
-/// What is measured at an output against what the declared model gives there.
+/// A measured output against what the declared model gives there.
 struct Size {
     output: usize,
     /// Factor from the model to the record.
