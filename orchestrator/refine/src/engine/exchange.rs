@@ -14,14 +14,16 @@ const MAX_DIFFERENCE_OVER_LEFT: f64 = 0.2;
 const MIN_SHARE_OF_RIVAL: f64 = 0.5;
 
 impl Run<'_> {
-    /// Exchanges each effect of a set that took the place of the effects accepted one by one for another that does
-    /// better, or as well and is simpler; notes those that do as well.
+    /// Exchanges each effect that only a set brought, which took the place of the effects accepted one by one, for
+    /// another that does better, or as well and is simpler; notes those that do as well.
     pub(super) fn exchange(&self, found: &mut Found) {
-        let as_accepted = found.best.added == found.one_by_one.0;
-        if as_accepted || found.best.added.len() < 2 || self.question.changes_among(&found.best.added) {
+        if found.best.added.len() < 2 || self.question.changes_among(&found.best.added) {
             return;
         }
-        for own in found.best.added.clone() {
+        // Those accepted one by one were compared with all others then.
+        let new: Vec<usize> =
+            found.best.added.iter().copied().filter(|c| !found.one_by_one.0.contains(c)).collect();
+        for own in new {
             if stop::asked() {
                 return;
             }
