@@ -45,7 +45,7 @@ fn the_command_fails_for_errors_and_prints_json() {
         assert!(finding["message"].as_str().unwrap().contains(expected), "{finding}");
     }
 
-    // An exit writes what the C library has kept back, and the last of it stands in the finding.
+    // An exit writes what the C library has buffered, and the last of it stands in the finding.
     compiled(&folder, "first_order.c", SOUND, &["-DPRINTS", "-DEXITS"]);
     let (_, value) = json(&[]);
     assert!(value.to_string().contains("printed last: this is not JSON {"), "{value}");
