@@ -84,13 +84,15 @@ pub enum Error {
     MissingColumn { path: PathBuf, column: String, columns: String },
 }
 
-/// A hint on a row of another length: with decimal commas every number but those without digits behind it makes two
-/// cells.
+/// A hint on a row of another length. With decimal commas every number makes two cells, but for those without digits
+/// behind it.
 fn cells_hint(found: usize, expected: usize) -> &'static str {
-    if found > expected && found <= 2 * expected && expected > 1 {
+    if found < expected {
+        "a missing value cannot be left out"
+    } else if expected > 1 && 2 * found >= 3 * expected && found <= 2 * expected {
         "are there decimal commas? Numbers need points, as in 1.5"
     } else {
-        "a missing value cannot be left out"
+        "there is a comma too many"
     }
 }
 
