@@ -104,7 +104,7 @@ pub fn sentence(answer: &Answer) -> String {
 /// A place in words: its port, its channel, or both.
 fn at(place: &str) -> String {
     match names::place(place) {
-        (channel, Some(port)) if channel.is_empty() => port.to_owned(),
+        ("", Some(port)) => port.to_owned(),
         (channel, Some(port)) => format!("{port} (channel {channel})"),
         (channel, None) => format!("{} (channel {channel})", names::channel(channel)),
     }
