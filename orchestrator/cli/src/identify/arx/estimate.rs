@@ -125,7 +125,7 @@ fn output_error(
     let found = output_error::refine(model, mask, loaded.records()?, &options)?;
     let sources = loaded.estimation();
     let [before, after] = [simulated_fit(model, &sources)?, simulated_fit(&found.model, &sources)?];
-    if !(before > after) {
+    if before.is_nan() || before <= after {
         return Ok(found);
     }
     let longest = sources.iter().map(|source| source.samples()).max().unwrap_or(1);
