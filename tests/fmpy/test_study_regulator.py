@@ -112,7 +112,7 @@ def test_a_report_of_a_search_out_of_time_has_fitted_states_and_intervals(tmp_pa
     text = study.read_text() + '[[attachment]]\ninput = "u[1]"\neffects = ["gain"]\n'
     study.write_text(text)
     errors = []
-    for options in [[], ["--budget", "1 s"]]:
+    for options in [[], ["--budget", "3 s"]]:
         result = start("refine", study, "-o", tmp_path / "out", *options)
         assert result.returncode in (0, 10, 11, 12, 13), result.stderr
         report = json.loads((tmp_path / "out" / "report.json").read_text())
