@@ -1,5 +1,5 @@
 # `make demo` and `make test` work on a fresh machine with Rust, a C compiler and Python 3: each sets up what is missing first.
-.PHONY: demo docs test test-slurm on-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-thresholds study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
+.PHONY: demo docs test test-slow test-slurm on-slurm test-wheel test-windows sanitize wheel check bench fuzz study study-checker study-compare study-faults study-isolation study-refine study-refine-messy study-systems study-laws study-machines study-nmpc study-third-party study-thresholds study-rig-over-fmus study-programs study-sweep study-swing-up study-walker fmu portable windows setup setup-build clean
 export CARGO_NET_RETRY ?= 10
 # A build that happens once gains nothing from files for the next one; they cost a fifth of its time.
 ifdef CI
@@ -16,7 +16,11 @@ demo: fmu            ## replay a measured record through the coupled FMUs, then 
 test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 	scripts/packager.sh dev --system-profile dev
 	cargo test --workspace --exclude airloop-python
-	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile tests/fmpy
+	AIRLOOP=target/debug/airloop .venv/bin/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile -m "not slow" tests/fmpy
+
+test-slow: fmu       ## searches of minutes that `make test` leaves out
+	scripts/setup.sh test
+	AIRLOOP=target/release/airloop .venv/bin/python -m pytest -m slow tests/fmpy
 
 wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
 	rm -rf out/wheel

@@ -62,6 +62,7 @@ def write_study(folder):
     (folder / "study.toml").write_text(text)
 
 
+@pytest.mark.slow
 def test_what_the_best_linear_model_of_a_regulator_lacks_is_found(tmp_path):
     write_study(tmp_path)
     result = start("refine", tmp_path / "study.toml", "-o", tmp_path / "out")

@@ -78,6 +78,7 @@ def test_a_free_run_needs_more_of_a_record_than_its_beginning(tmp_path):
         assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_small_forces_and_parameters_within_their_tolerance_are_no_effect(tmp_path):
     folder, _ = machine(tmp_path, "furuta_m_none_1")
     result = refine(folder / "study.toml", tmp_path / "out")
@@ -124,6 +125,7 @@ def test_a_stribeck_peak_beside_coulomb_friction_that_no_attachment_shows_is_nam
         assert abs(effect[name]["value"] - true[name]["value"]) < high - low
 
 
+@pytest.mark.slow
 def test_a_stribeck_peak_is_named_where_nothing_fits_to_the_noise_and_only_the_declared_model_knows_coulomb_friction(tmp_path):
     folder, truth = machine(tmp_path, "arm_m_stribeck_tau_2", seed=5150)
     result = refine(folder / "plain.toml", tmp_path / "out")
