@@ -3,7 +3,8 @@
 
 use super::forward_selection::{REFINEMENT_ROUNDS, ROUNDS, Run, Weights};
 use super::question::{Found, Step, Tried};
-use super::search::{Model, Promise};
+use super::search::Model;
+use super::step::distinct;
 use super::stop;
 
 /// Other candidates that are fitted in the place of an effect: those whose linear step predicts most.
@@ -76,17 +77,11 @@ impl Run<'_> {
         let may =
             |c: usize| c != own && !q.is_change(c) && !q.free_forms.contains(&c) && (q.may_join)(c, &rest);
         let promises = self.with(&weights, &q.records, |search| search.screen_some(&base, &may));
-        let mut rivals: Vec<&Promise> = Vec::new();
-        for promise in &promises {
-            if rivals.len() < RIVALS && rivals.iter().all(|other| other.candidate != promise.candidate) {
-                rivals.push(promise);
-            }
-        }
         let refit = |model: &Model| {
             self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
         };
         let mut models = vec![(own, refit(best))];
-        for promise in rivals {
+        for promise in distinct(promises).into_iter().take(RIVALS) {
             let added = [&rest[..], &[promise.candidate]].concat();
             let model = self.fit(&weights, &added, &promise.parameters, &base.fit.locals, ROUNDS);
             models.push((promise.candidate, refit(&model)));

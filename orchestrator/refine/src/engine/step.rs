@@ -158,7 +158,7 @@ impl Run<'_> {
 }
 
 /// The best predicted start of every candidate, in order.
-fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
+pub(super) fn distinct(promises: Vec<Promise>) -> Vec<Promise> {
     let mut found: Vec<Promise> = Vec::new();
     for promise in promises {
         if !found.iter().any(|other| other.candidate == promise.candidate) {

@@ -11,6 +11,7 @@ use super::scale;
 use super::search::Say;
 use super::settled;
 use super::sign;
+use super::simulate::Piece;
 use super::spiked;
 use super::tolerance;
 use crate::Error;
@@ -46,8 +47,9 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     let fitted = declared(file, &study);
     let suspicion = sign::check(file, &mut study)?;
     let declared = fitted?;
-    scale::check(file, &study, &declared)?;
-    settled::check(file, &study, &declared)?;
+    let played = played(&study, &declared);
+    scale::check(file, &study, &played)?;
+    settled::check(file, &study, &played)?;
     spiked::silence(&mut study, &declared);
     let (mut survey, trace) = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
@@ -69,6 +71,39 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
         ));
     }
     Ok(Prepared { study, attachments, declared, suspicion })
+}
+
+/// An estimation record beside what the fitted declared model gives.
+pub(super) struct Played {
+    /// Record, by its place.
+    pub record: usize,
+    /// Outputs of the model, `[outputs][n]` in one.
+    pub given: Vec<f64>,
+    /// Those of the record.
+    pub measured: Vec<f64>,
+}
+
+impl Played {
+    /// Output `o` of model and record, `[n]` each.
+    pub fn output(&self, o: usize, outputs: usize) -> [&[f64]; 2] {
+        let n = self.given.len() / outputs.max(1);
+        [&self.given, &self.measured].map(|own| &own[o * n..(o + 1) * n])
+    }
+}
+
+fn played(study: &Study, declared: &Fit) -> Vec<Played> {
+    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
+    let view = fits.view(&[], &fits.pieces);
+    let one = |(piece, own): (usize, &Piece)| Played {
+        record: own.record,
+        given: view.predict(
+            piece,
+            &declared.parameters,
+            declared.locals.get(piece).map_or(&[], Vec::as_slice),
+        ),
+        measured: view.measured(piece),
+    };
+    fits.pieces.iter().enumerate().map(one).collect()
 }
 
 /// A hint where samples are far apart.

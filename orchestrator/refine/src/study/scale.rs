@@ -2,11 +2,9 @@
 //! effect.
 
 use super::declaration::File;
-use super::fits::Fits;
 use super::model::Study;
+use super::prepared::Played;
 use crate::Error;
-use crate::engine::System;
-use crate::engine::fit::Fit;
 
 /// Factor between what is measured and what the declared model gives from which on it is no effect: units that are
 /// mistaken for one another differ by 57 (degrees), 60, 100 or 1000.
@@ -29,8 +27,9 @@ struct Size {
 ///
 /// # Errors
 /// Column, factor, errors without and with it, and what to write where.
-pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
-    let sizes: Vec<Size> = (0..study.outputs.len()).filter_map(|o| size(study, declared, o)).collect();
+pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error> {
+    let outputs = study.outputs.len();
+    let sizes: Vec<Size> = (0..outputs).filter_map(|o| size(played, o, outputs)).collect();
     let other = |own: &Size| {
         let factor = own.factor.abs();
         own.errors[1] <= MAX_ERROR && (factor >= MIN_FACTOR || factor <= 1.0 / MIN_FACTOR)
@@ -44,7 +43,7 @@ pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
         let ratio = own.factor / worst.factor;
         (1.0 / MAX_RATIO_OF_FACTORS..MAX_RATIO_OF_FACTORS).contains(&ratio)
     };
-    let by_command = sizes.len() == study.outputs.len() && sizes.len() > 1 && sizes.iter().all(alike);
+    let by_command = sizes.len() == outputs && sizes.len() > 1 && sizes.iter().all(alike);
     let output = &study.outputs[worst.output];
     let key = match by_command {
         true => "the input that drives them".to_owned(),
@@ -65,18 +64,12 @@ pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
 }
 
 /// Least squares of an output over what the model gives, each about its mean on the second half of every record.
-fn size(study: &Study, declared: &Fit, output: usize) -> Option<Size> {
-    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
-    let view = fits.view(&[], &fits.pieces);
+fn size(played: &[Played], output: usize, outputs: usize) -> Option<Size> {
     // Sums of products: model with itself, model with record, record with itself, error with itself.
     let mut sums = [0.0; 4];
-    for (piece, own) in fits.pieces.iter().enumerate() {
-        let n = own.range.len();
+    for own in played {
         // Initial states that were fitted to another size show at the beginning.
-        let range = output * n + n / 2..(output + 1) * n;
-        let locals = declared.locals.get(piece).map_or(&[][..], Vec::as_slice);
-        let given = &view.predict(piece, &declared.parameters, locals)[range.clone()];
-        let measured = &view.measured(piece)[range];
+        let [given, measured] = own.output(output, outputs).map(|values| &values[values.len() / 2..]);
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
         let means = [mean(given), mean(measured)];
         for (m, y) in given.iter().zip(measured) {

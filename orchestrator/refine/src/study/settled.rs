@@ -2,11 +2,9 @@
 //! elsewhere, that would be explained by an effect.
 
 use super::declaration::{File, Initial, InitialWord};
-use super::fits::Fits;
 use super::model::Study;
+use super::prepared::Played;
 use crate::Error;
-use crate::engine::System;
-use crate::engine::fit::Fit;
 
 /// Distance at the first sample, over the spread of the output, from which on a record begins elsewhere.
 const MIN_DISTANCE: f64 = 0.3;
@@ -19,7 +17,7 @@ const MAX_SHARE_LEFT: f64 = 0.3;
 ///
 /// # Errors
 /// Output, both values at the begin of a record, and the keys that say where it begins.
-pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
+pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error> {
     let untold = |own: &Initial| *own == Initial::Word(InitialWord::Measured);
     let silent =
         study.records.iter().all(|own| untold(&own.initial) && own.states.iter().all(Option::is_none));
@@ -27,22 +25,17 @@ pub fn check(file: &File, study: &Study, declared: &Fit) -> Result<(), Error> {
     if !silent || !has_states || study.steps_alone || study.windows.is_some() {
         return Ok(());
     }
-    let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
-    let view = fits.view(&[], &fits.pieces);
     for (o, output) in study.outputs.iter().enumerate() {
         let mut elsewhere = Vec::new();
-        for (piece, own) in fits.pieces.iter().enumerate() {
-            let n = own.range.len();
-            let locals = declared.locals.get(piece).map_or(&[][..], Vec::as_slice);
-            let given = &view.predict(piece, &declared.parameters, locals)[o * n..(o + 1) * n];
-            let measured = &view.measured(piece)[o * n..(o + 1) * n];
+        for own in played {
+            let [given, measured] = own.output(o, study.outputs.len());
             let least = (MIN_DISTANCE * spread(measured)).max(MIN_DISTANCE_OVER_NOISE * output.noise);
             if begins_elsewhere(given, measured, least) {
                 elsewhere.push((&study.records[own.record].name, measured[0], given[0]));
             }
         }
         if let Some((record, measured, given)) =
-            elsewhere.first().filter(|_| 2 * elsewhere.len() > fits.pieces.len())
+            elsewhere.first().filter(|_| 2 * elsewhere.len() > played.len())
         {
             return Err(file.refuse_all(format!(
                 "{record} begins with `{}` at {measured:.4}, the declared model at {given:.4}, and nothing says where its states begin; write `initial = \"fit\"` at the segments, or the columns that show the states under [states]",

@@ -15,7 +15,7 @@ use airloop_ident::output_error::OutputError;
 use airloop_ident::parameters::Parameters;
 use airloop_ident::playback::Playback;
 use airloop_ident::rational::Mask;
-use airloop_ident::score::Tally;
+use airloop_ident::score::{RecordScore, Score, Tally};
 use airloop_ident::source::Source;
 use airloop_ident::structure::Structure;
 use airloop_ident::{instrumental_variables, output_error};
@@ -24,7 +24,7 @@ use airloop_ident::{instrumental_variables, output_error};
 const MAX_CONDITION_NUMBER: f64 = 3e4;
 
 /// Time constants of the slowest pole in the longest record, where poles that are slower serve as offsets.
-const POLES_PER_RECORD: f64 = 3.0;
+const TIME_CONSTANTS_PER_RECORD: f64 = 3.0;
 
 /// An estimated model with what is known about it.
 pub struct Estimated {
@@ -125,11 +125,11 @@ fn output_error(
     let found = output_error::refine(model, mask, loaded.records()?, &options)?;
     let sources = loaded.estimation();
     let [before, after] = [simulated_fit(model, &sources)?, simulated_fit(&found.model, &sources)?];
-    if before.is_nan() || before <= after {
+    if before.is_nan() || after.is_nan() || before <= after {
         return Ok(found);
     }
     let longest = sources.iter().map(|source| source.samples()).max().unwrap_or(1);
-    let largest_pole = (1.0 - POLES_PER_RECORD / longest as f64).clamp(0.0, options.largest_pole);
+    let largest_pole = (1.0 - TIME_CONSTANTS_PER_RECORD / longest as f64).clamp(0.0, options.largest_pole);
     let options = output_error::Options { largest_pole, ..options };
     let faster = output_error::refine(model, mask, loaded.records()?, &options)?;
     let again = simulated_fit(&faster.model, &sources)?;
@@ -148,7 +148,8 @@ fn output_error(
     Ok(chosen)
 }
 
-/// Mean simulated fit over outputs and records \[%\]; below all others for an unstable model.
+/// Mean simulated fit over outputs and records \[%\]; below all others for an unstable model, no number where an output
+/// does not move.
 fn simulated_fit(model: &Arx, sources: &[&dyn Source]) -> Result<f64, Error> {
     if !model.is_stable() {
         return Ok(f64::NEG_INFINITY);
@@ -156,16 +157,13 @@ fn simulated_fit(model: &Arx, sources: &[&dyn Source]) -> Result<f64, Error> {
     let n_y = model.output_offset.len();
     let names: Vec<String> = (0..n_y).map(|i| i.to_string()).collect();
     let playback = Playback::new(model, true);
-    let (mut sum, mut count) = (0.0, 0);
-    for source in sources {
+    let score = |source: &&dyn Source| -> Result<RecordScore, Error> {
         let mut tally = Tally::new(source.name(), n_y, playback.warm_up());
         playback.run(*source, &mut |played| tally.add(&played))?;
-        for fit in tally.finish(&names).fit_simulated.values().flatten() {
-            sum += fit;
-            count += 1;
-        }
-    }
-    Ok(sum / f64::from(count.max(1)))
+        Ok(tally.finish(&names))
+    };
+    let records = sources.iter().map(score).collect::<Result<Vec<_>, _>>()?;
+    Ok(Score::of_records(records, &names).mean_fit_simulated.unwrap_or(f64::NAN))
 }
 
 impl Estimated {
