@@ -22,9 +22,10 @@ test-slow: fmu       ## searches of minutes that `make test` leaves out
 	scripts/setup.sh test
 	AIRLOOP=target/release/airloop .venv/bin/python -m pytest -m slow tests/fmpy
 
+export AIRLOOP_WHEEL_PROFILE ?= release
 wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl
 	rm -rf out/wheel
-	scripts/packager.sh release
+	scripts/packager.sh $(AIRLOOP_WHEEL_PROFILE) --system-profile $(AIRLOOP_WHEEL_PROFILE)
 	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps -w out/wheel ./python
 
 test-wheel: wheel    ## the wheel in a fresh environment, with its type stubs: python/tests

@@ -97,3 +97,9 @@ def test_what_is_left_does_not_tell_a_delay_from_a_mode(tmp_path):
     late = {"delay@F", "mode@F", "sensor.delay"}
     assert not report["complete"] and result.returncode == 12, result.stdout
     assert late & set(chosen) and late & others, (chosen, others)
+    # Beside another effect, `it` would not say which of the two is meant.
+    told = [line.split(" from: ") for line in result.stdout.splitlines() if line.startswith("These records cannot tell")]
+    assert len(told) == len(groups), result.stdout
+    for (own, rivals), group in zip(told, sorted(groups), strict=True):
+        assert [name for name in chosen if f"({name})" in own] == [name for name in chosen if chosen[name] == group], own
+        assert any(f"({name})" in rivals for name in others), rivals

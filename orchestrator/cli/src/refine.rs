@@ -400,10 +400,9 @@ fn write_system(question: &Question, found: &mut Answer, folder: &Path) -> Resul
 fn print(found: &Answer, evidence: &Evidence, folder: &Path, system: bool) -> Result<(), Error> {
     let rows: Vec<Vec<String>> = words::errors(found, &evidence.signals).into_iter().map(Vec::from).collect();
     let rows = super::table::table(&words::ERROR_HEADER, &rows, &[1, 2, 3, 4, 5, 6]);
-    let rivals = words::rivals(found);
     let mut text = format!("{}\n", words::sentence(found));
-    if !rivals.is_empty() {
-        text += &format!("These records cannot tell it from: {}.\n", rivals.join(", "));
+    for sentence in words::rivals(found) {
+        text += &format!("{sentence}\n");
     }
     for note in found.notes.iter().filter(|note| note.starts_with(WARNING)) {
         text += &format!("{note}\n");

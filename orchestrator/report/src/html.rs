@@ -59,9 +59,8 @@ pub fn text(report: &Report) -> String {
     if let Some(sentence) = words::effect_on_error(answer) {
         let _ = writeln!(out, "<p>{}</p>", escape(&sentence));
     }
-    let rivals = words::rivals(answer);
-    if !rivals.is_empty() {
-        let _ = writeln!(out, "<p>These records cannot tell it from: {}.</p>", escape(&rivals.join(", ")));
+    for sentence in words::rivals(answer) {
+        let _ = writeln!(out, "<p>{}</p>", escape(&sentence));
     }
     errors(&mut out, report);
     parameters(&mut out, report);

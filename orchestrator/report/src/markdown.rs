@@ -37,9 +37,8 @@ pub fn text(report: &Report) -> String {
     if let Some(sentence) = words::effect_on_error(answer) {
         let _ = writeln!(out, "{sentence}\n");
     }
-    let rivals = words::rivals(answer);
-    if !rivals.is_empty() {
-        let _ = writeln!(out, "These records cannot tell it from: {}.\n", rivals.join(", "));
+    for sentence in words::rivals(answer) {
+        let _ = writeln!(out, "{sentence}\n");
     }
     heading(&mut out, "Error before and after, on validation records");
     table(

@@ -1,5 +1,7 @@
 //! The sentences of a report.
 
+use std::collections::BTreeSet;
+
 use super::names;
 use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
@@ -275,9 +277,20 @@ pub fn effect_on_error(answer: &Answer) -> Option<String> {
     ))
 }
 
-/// The other effects that the records cannot tell from a selected one, if any.
+/// Sentences on the effects that the records cannot tell from selected ones, one for each group of them.
 pub fn rivals(answer: &Answer) -> Vec<String> {
-    answer.effects.iter().filter(|e| !e.selected && e.group.is_some()).map(in_words).collect()
+    let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
+    let groups: BTreeSet<usize> = chosen.iter().filter_map(|effect| effect.group).collect();
+    let sentences = groups.into_iter().filter_map(|group| {
+        let named = |selected: bool| {
+            let own = answer.effects.iter().filter(move |e| e.selected == selected && e.group == Some(group));
+            own.map(in_words).collect::<Vec<_>>()
+        };
+        let others = named(false).join(", ");
+        let own = if chosen.len() == 1 { "it".into() } else { named(true).join(" and ") };
+        (!others.is_empty()).then(|| format!("These records cannot tell {own} from: {others}."))
+    });
+    sentences.collect()
 }
 
 /// Header of [`errors`].
