@@ -60,7 +60,7 @@ pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
         let measured: Vec<&Signal> = signals.iter().filter(|own| !own.driven).collect();
         let records = measured.first().map_or(&[][..], |own| own.of(role));
         let still = |k: &usize| {
-            measured.iter().all(|own| deviation(&own.of(role)[*k..=*k]) < MIN_SPREAD_OVER_NOISE * own.noise)
+            measured.iter().all(|own| deviation(own.of(role)[*k].values) < MIN_SPREAD_OVER_NOISE * own.noise)
         };
         let names: Vec<&str> = (0..records.len()).filter(still).map(|k| records[k].name).collect();
         let role = role.word();
@@ -78,7 +78,7 @@ pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
         }
     }
     for own in signals {
-        let [fitted, judged] = [&own.estimation, &own.validation].map(|records| deviation(records));
+        let [fitted, judged] = [&own.estimation, &own.validation].map(|records| pooled(records));
         let ratio = judged / fitted;
         let significant = judged > MIN_SPREAD_OVER_NOISE * own.noise;
         if own.driven && judged > 0.0 && fitted <= MAX_RATIO_OF_ROUNDING * judged {
@@ -118,15 +118,21 @@ pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
     Ok(warnings)
 }
 
+/// Standard deviation about the mean.
+pub fn deviation(values: &[f64]) -> f64 {
+    (squares(values) / values.len().max(1) as f64).sqrt()
+}
+
 /// Standard deviation about the mean of each record.
-fn deviation(records: &[Values]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0);
-    for Values { values, .. } in records {
-        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        sum += values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-        count += values.len();
-    }
-    (sum / count.max(1) as f64).sqrt()
+fn pooled(records: &[Values]) -> f64 {
+    let count: usize = records.iter().map(|own| own.values.len()).sum();
+    (records.iter().map(|own| squares(own.values)).sum::<f64>() / count.max(1) as f64).sqrt()
+}
+
+/// Sum of squares about the mean.
+fn squares(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    values.iter().map(|value| (value - mean).powi(2)).sum()
 }
 
 /// Periods per second; none where the records hold too few.
@@ -135,7 +141,7 @@ fn frequency(records: &[Values]) -> Option<f64> {
     for own in records {
         let Values { step, values, .. } = own;
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        let level = HYSTERESIS * deviation(std::slice::from_ref(own));
+        let level = HYSTERESIS * deviation(own.values);
         let mut above = false;
         for value in *values {
             if !above && value - mean > level {

@@ -3,13 +3,12 @@
 use crate::Error;
 use crate::answer::errors;
 use crate::case::{Case, Role};
+use crate::engine::settings::MAX_RATIO_OF_OTHER_SIGN;
 use crate::rig::open::open;
 use crate::rig::parameters::neutral;
 
 /// Error over the spread of the measured signals from which on signs are in question.
 pub const MIN_ERROR: f64 = 0.3;
-/// Ratio of the errors with the other and with the stated sign up to which the sign is wrong.
-const MAX_RATIO: f64 = 0.5;
 /// The same where the declared model predicts worse than the mean of the records, if the other sign predicts better.
 const MAX_RATIO_OF_A_BAD_MODEL: f64 = 0.75;
 /// Error over the spread up to which the other sign predicts better than the mean.
@@ -27,7 +26,7 @@ pub fn is_wrong(stated: f64, other: f64) -> bool {
     if !stated.is_finite() {
         return true;
     }
-    let most = if stated > 1.0 { MAX_RATIO_OF_A_BAD_MODEL } else { MAX_RATIO };
+    let most = if stated > 1.0 { MAX_RATIO_OF_A_BAD_MODEL } else { MAX_RATIO_OF_OTHER_SIGN };
     stated > MIN_ERROR && other < most * stated
 }
 

@@ -3,6 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use super::names::without_unit;
+
 /// Reason why a CSV file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "file, line (1-based), column and value, as named in each message")]
@@ -80,7 +82,7 @@ pub enum Error {
     )]
     UnknownColumn { path: PathBuf, column: String, known: String },
     /// A column that is asked for but not there.
-    #[error("{}: there is no column `{column}`; the file has: {columns}", path.display())]
+    #[error("{}: there is no column `{column}`{}; the file has: {columns}", path.display(), without_unit(column, columns.split(", ")))]
     MissingColumn { path: PathBuf, column: String, columns: String },
 }
 

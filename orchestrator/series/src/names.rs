@@ -26,6 +26,13 @@ pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> S
     }
 }
 
+/// A hint where a column is asked for by its name and unit, as they stand in the header of a file; else nothing.
+pub fn without_unit<'a>(column: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let name = column.split_once(" [").map(|(name, _)| name);
+    let name = name.filter(|name| known.into_iter().any(|known| known == *name));
+    name.map(|name| format!(" (its name is `{name}`, without the unit)")).unwrap_or_default()
+}
+
 /// Distance of two names; the last part of a path counts like a name of its own.
 fn closeness(name: &str, other: &str) -> usize {
     let last = other.rsplit('.').next().unwrap_or(other);

@@ -429,5 +429,9 @@ mod tests {
             let message = outcome.and_then(|mut stream| stream.read(&mut rows, 10)).unwrap_err().to_string();
             assert!(message.contains(expected), "{text:?}: {message}");
         }
+        let wanted = names(&["a [V]"]);
+        let message =
+            Stream::open(file("time,a [V]\n0,1\n").path(), &wanted).map(|_| ()).unwrap_err().to_string();
+        assert!(message.contains("no column `a [V]` (its name is `a`, without the unit)"), "{message}");
     }
 }

@@ -9,10 +9,6 @@ use super::stop;
 
 /// Other candidates that are fitted in the place of an effect: those whose linear step predicts most.
 const RIVALS: usize = 3;
-/// Difference of the errors of two sets, over what they leave, up to which the records cannot tell them apart.
-const MAX_DIFFERENCE_OVER_LEFT: f64 = 0.2;
-/// Share of what an effect takes away that another has to take away to be a rival.
-const MIN_SHARE_OF_RIVAL: f64 = 0.5;
 
 impl Run<'_> {
     /// Exchanges each effect that only a set brought, which took the place of the effects accepted one by one, for
@@ -51,13 +47,14 @@ impl Run<'_> {
         let q = self.question;
         let nested =
             |t: &Tried| q.candidates[t.candidate].contains == Some(q.candidates[accepted.candidate].id);
-        let near = (MAX_DIFFERENCE_OVER_LEFT * accepted.error).max(q.settings.tie_share * self.whole_error);
+        let near =
+            (q.settings.tie_share_of_rest * accepted.error).max(q.settings.tie_share * self.whole_error);
         let same = |t: &&Tried| {
             t.candidate != accepted.candidate
                 && t.rejected.is_none()
                 && !nested(t)
                 && t.error - accepted.error < near
-                && t.held_out >= MIN_SHARE_OF_RIVAL * accepted.held_out
+                && t.held_out >= q.settings.min_share_of_rival * accepted.held_out
         };
         step.tried.iter().filter(same).cloned().collect()
     }

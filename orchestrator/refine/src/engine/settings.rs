@@ -3,6 +3,16 @@
 
 use super::select::{MARGIN, MAX_DIFFERENCE_OF_CRITERION, MIN_EXCESS_OF_NULL, MIN_FALL_OF_SQUARES};
 
+/// Ratio of the errors with the other and with the stated sign of a column up to which the sign is wrong.
+pub const MAX_RATIO_OF_OTHER_SIGN: f64 = 0.5;
+/// Factor between what is measured and what the declared model gives from which on it is no effect: units that are
+/// mistaken for one another differ by 57 (degrees), 60, 100 or 1000.
+pub const MIN_FACTOR_OF_OTHER_UNIT: f64 = 30.0;
+/// Error with that factor, over the spread of the records, up to which the signal is the one of the model.
+pub const MAX_ERROR_OF_OTHER_UNIT: f64 = 0.5;
+/// Distance from the model at the first sample, over the spread of the output, from which on a record begins elsewhere.
+pub const MIN_DISTANCE_OF_OTHER_BEGINNING: f64 = 0.3;
+
 /// Settings of the search where no model reaches the sensor noise; meanings and ranges in [`ForwardSelection::table`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForwardSelection {
@@ -20,6 +30,10 @@ pub struct ForwardSelection {
     pub tie: f64,
     /// Difference of the error, as a share, within which two effects count as equal.
     pub tie_share: f64,
+    /// Difference of the errors of two sets of effects, over what they leave, within which they count as equal.
+    pub tie_share_of_rest: f64,
+    /// Share of what an effect of a set takes away that another has to take away to count as its equal.
+    pub min_share_of_rival: f64,
     /// Share of what a free form takes away that effects must take away to have the right form.
     pub min_form_share: f64,
     /// Share of what the other effects leave that an effect must take away which is small beside them.
@@ -38,6 +52,8 @@ impl Default for ForwardSelection {
             max_tolerances: 3.0,
             tie: 12.0,
             tie_share: 0.03,
+            tie_share_of_rest: 0.2,
+            min_share_of_rival: 0.5,
             min_form_share: 0.9,
             min_share_of_rest: 0.75,
             min_validated_share: 0.05,
@@ -117,6 +133,18 @@ impl ForwardSelection {
                 "difference of the error on held-out folds, as a share of the declared model's or of the spread of the records where that is less, within which two effects count as equal",
             ),
             row(
+                "tie_share_of_rest",
+                |s| s.tie_share_of_rest,
+                (0.0, 1.0),
+                "difference of the errors of two sets of effects on held-out folds, as a share of what they leave, within which the effects that they differ by count as equal; of effects that only a set brought",
+            ),
+            row(
+                "min_share_of_rival",
+                |s| s.min_share_of_rival,
+                (0.0, 1.0),
+                "share of what such an effect takes away beside the rest of its set that another has to take away to count as its equal",
+            ),
+            row(
                 "min_form_share",
                 |s| s.min_form_share,
                 (0.0, 1.0),
@@ -155,6 +183,26 @@ impl ForwardSelection {
                 "difference of the Bayesian information criterion within which two explanations to the noise count as equal",
             ),
             fixed(
+                "other_sign",
+                MAX_RATIO_OF_OTHER_SIGN,
+                "ratio of the errors of the declared model with the other and with the stated sign of a column up to which it is refused",
+            ),
+            fixed(
+                "other_unit",
+                MIN_FACTOR_OF_OTHER_UNIT,
+                "factor between a column and the declared model from which on it is refused as one of another unit",
+            ),
+            fixed(
+                "other_unit_error",
+                MAX_ERROR_OF_OTHER_UNIT,
+                "error with that factor, over the spread of the records, up to which it is",
+            ),
+            fixed(
+                "other_beginning",
+                MIN_DISTANCE_OF_OTHER_BEGINNING,
+                "distance of records without [states] from the declared model at their first sample, over the spread of the output, from which on they are refused",
+            ),
+            fixed(
                 "window",
                 crate::rig::windowed::WINDOW,
                 "length of a windowed prediction of the coupled rig [s]",
@@ -175,6 +223,8 @@ impl ForwardSelection {
             "max_tolerances" => &mut self.max_tolerances,
             "tie" => &mut self.tie,
             "tie_share" => &mut self.tie_share,
+            "tie_share_of_rest" => &mut self.tie_share_of_rest,
+            "min_share_of_rival" => &mut self.min_share_of_rival,
             "min_form_share" => &mut self.min_form_share,
             "min_share_of_rest" => &mut self.min_share_of_rest,
             "min_validated_share" => &mut self.min_validated_share,

@@ -5,12 +5,13 @@ use std::sync::{Mutex, PoisonError};
 use super::Problem;
 use super::begin::Begin;
 use super::catalog::Candidate;
-use super::declaration::{Attachment, ForceRule, Initial, InitialWord};
+use super::declaration::{Attachment, ForceRule, Initial, InitialWord, Role};
 use super::law::{Law, Point, Variable};
 use super::noise::SensorNoise;
 use super::plant::{Parameter, Plant};
 use super::read::Record;
 use crate::engine::fit::Free;
+use crate::regime::deviation;
 use airloop_cosim::system::SystemGraph;
 
 /// A measured output.
@@ -307,6 +308,15 @@ impl Study {
                 Initial::Word(InitialWord::Fit) => self.steps_alone,
                 Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
             }
+    }
+
+    /// Spread of every output over the estimation records: standard deviation about the mean of all.
+    pub fn spreads(&self) -> Vec<f64> {
+        let one = |o: usize| {
+            let records = self.records.iter().filter(|record| record.role == Role::Estimation);
+            deviation(&records.flat_map(|record| record.outputs[o].iter().copied()).collect::<Vec<f64>>())
+        };
+        (0..self.outputs.len()).map(one).collect()
     }
 
     /// Samples from one restart of the simulation to the next on records with this `step` \[s\]; none without windows.

@@ -118,13 +118,7 @@ fn slow_samples(step: f64) -> String {
 
 /// Fits the declared model: its free parameters and initial states.
 fn declared(file: &File, study: &Study) -> Result<Fit, Error> {
-    let spread = |o: usize| {
-        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
-        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
-    };
-    let fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
+    let fits = Fits::new(study, study.spreads());
     for role in [Role::Estimation, Role::Validation] {
         let pieces = if role == Role::Estimation { fits.pieces.clone() } else { pieces(study, role) };
         let view = fits.view(&[], &pieces);

@@ -9,6 +9,7 @@ use super::time_grid::{Grid, grid, own_step};
 use super::{names, signal, sparse};
 use crate::{Error, cleaned, spikes};
 use airloop_cosim::system::SystemGraph;
+use airloop_series::names::without_unit;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{TimeSeries, csv};
 
@@ -167,7 +168,8 @@ fn in_unit(
 ) -> Result<Vec<f64>, String> {
     let channel = source.channel(name).ok_or_else(|| {
         let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
-        format!("there is no column `{name}`; the file has: {}", known.join(", "))
+        let hint = without_unit(name, known.iter().copied());
+        format!("there is no column `{name}`{hint}; the file has: {}", known.join(", "))
     })?;
     let (first, others) = channel.values.split_first().unwrap_or((&0.0, &[]));
     if signal.derivative_of.is_some() && others.iter().all(|value| value == first) {
@@ -312,7 +314,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             notes.push(format!(
                 "{}: it ends at {} s, before to_s = {to} s.",
                 segment.file,
-                round(time[time.len() - 1])
+                round(time[time.len() - 1], grid.step)
             ));
         }
         let make = |whole: bool, corner: Option<f64>| {
@@ -378,7 +380,12 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 })
                 .collect(),
             factors: factors(grid, layout).map_err(&refuse)?,
-            name: format!("{} {}-{} s", segment.file, round(time[first]), round(time[last - 1])),
+            name: format!(
+                "{} {}-{} s",
+                segment.file,
+                round(time[first], grid.step),
+                round(time[last - 1], grid.step)
+            ),
             role: segment.role,
             initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
             parameters: Vec::new(),
@@ -421,10 +428,16 @@ fn separate(file: &File) -> Result<(), Error> {
         });
         if let Some(other) = shared {
             let (begin, end) = ends(other);
+            let span = match (begin.is_finite(), end.is_finite()) {
+                (false, false) => "the whole file".to_owned(),
+                (true, false) => format!("{begin} s and later"),
+                (false, true) => format!("up to {end} s"),
+                (true, true) => format!("{begin} s to {end} s"),
+            };
             return Err(file.refuse(
                 validation,
                 format!(
-                    "this validation segment of {} shares samples with an estimation segment ({begin} s to {end} s): an effect is judged on records that the fit has not seen; move from_s or to_s",
+                    "this validation segment of {} shares samples with an estimation segment ({span}): an effect is judged on records that the fit has not seen; move from_s or to_s",
                     own.file
                 ),
             ));
@@ -438,9 +451,11 @@ fn significant(step: f64) -> f64 {
     format!("{step:.4e}").parse().unwrap_or(step)
 }
 
-/// A time as people write it.
-fn round(time: f64) -> f64 {
-    (time * 1e6).round() / 1e6
+/// A time as people write it: to a hundredth of the step, or finer.
+fn round(time: f64, step: f64) -> f64 {
+    let digits = (2.0 - step.log10().floor()).clamp(0.0, 9.0);
+    let one = 10f64.powi(digits as i32);
+    (time * one).round() / one
 }
 
 /// Signals of a span.

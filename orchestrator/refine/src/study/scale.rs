@@ -5,12 +5,8 @@ use super::declaration::File;
 use super::model::Study;
 use super::prepared::Played;
 use crate::Error;
+use crate::engine::settings::{MAX_ERROR_OF_OTHER_UNIT, MIN_FACTOR_OF_OTHER_UNIT};
 
-/// Factor between what is measured and what the declared model gives from which on it is no effect: units that are
-/// mistaken for one another differ by 57 (degrees), 60, 100 or 1000.
-const MIN_FACTOR: f64 = 30.0;
-/// Error with that factor, over the spread of the records, up to which the signal is the one of the model.
-const MAX_ERROR: f64 = 0.5;
 /// Ratio of the factors of outputs up to which one command may be the reason of all.
 const MAX_RATIO_OF_FACTORS: f64 = 1.2;
 
@@ -32,7 +28,8 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
     let sizes: Vec<Size> = (0..outputs).filter_map(|o| size(played, o, outputs)).collect();
     let other = |own: &Size| {
         let factor = own.factor.abs();
-        own.errors[1] <= MAX_ERROR && (factor >= MIN_FACTOR || factor <= 1.0 / MIN_FACTOR)
+        own.errors[1] <= MAX_ERROR_OF_OTHER_UNIT
+            && (factor >= MIN_FACTOR_OF_OTHER_UNIT || factor <= 1.0 / MIN_FACTOR_OF_OTHER_UNIT)
     };
     let Some(worst) =
         sizes.iter().filter(|own| other(own)).min_by(|a, b| a.errors[1].total_cmp(&b.errors[1]))

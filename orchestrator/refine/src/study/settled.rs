@@ -5,10 +5,10 @@ use super::declaration::{File, Initial, InitialWord};
 use super::model::Study;
 use super::prepared::Played;
 use crate::Error;
+use crate::engine::settings::MIN_DISTANCE_OF_OTHER_BEGINNING;
+use crate::regime::deviation;
 
-/// Distance at the first sample, over the spread of the output, from which on a record begins elsewhere.
-const MIN_DISTANCE: f64 = 0.3;
-/// The same in multiples of the noise.
+/// Distance from the model at the first sample, in multiples of the noise, from which on a record begins elsewhere.
 const MIN_DISTANCE_OVER_NOISE: f64 = 8.0;
 /// Share of that distance that is still there in the second half of a record if it is no beginning: an offset.
 const MAX_SHARE_LEFT: f64 = 0.3;
@@ -29,7 +29,8 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
         let mut elsewhere = Vec::new();
         for own in played {
             let [given, measured] = own.output(o, study.outputs.len());
-            let least = (MIN_DISTANCE * spread(measured)).max(MIN_DISTANCE_OVER_NOISE * output.noise);
+            let least = (MIN_DISTANCE_OF_OTHER_BEGINNING * deviation(measured))
+                .max(MIN_DISTANCE_OVER_NOISE * output.noise);
             if begins_elsewhere(given, measured, least) {
                 elsewhere.push((&study.records[own.record].name, measured[0], given[0]));
             }
@@ -55,12 +56,6 @@ fn begins_elsewhere(given: &[f64], measured: &[f64], least: f64) -> bool {
     (y - m).abs() > least && left.abs() < MAX_SHARE_LEFT * (y - m).abs()
 }
 
-/// Standard deviation about the mean.
-fn spread(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,7 +66,7 @@ mod tests {
         let with = |more: fn(f64) -> f64| -> Vec<f64> {
             model.iter().enumerate().map(|(k, m)| m + more(k as f64)).collect()
         };
-        let least = MIN_DISTANCE * spread(&model);
+        let least = MIN_DISTANCE_OF_OTHER_BEGINNING * deviation(&model);
         assert!(begins_elsewhere(&model, &with(|k| 2.0 * (-0.1 * k).exp()), least));
         assert!(!begins_elsewhere(&model, &with(|_| 2.0), least));
         assert!(!begins_elsewhere(&model, &with(|k| 0.1 * (-0.1 * k).exp()), least));

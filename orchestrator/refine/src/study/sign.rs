@@ -3,7 +3,7 @@
 
 use toml::Spanned;
 
-use super::declaration::{File, Role, Signal};
+use super::declaration::{File, Signal};
 use super::fits::Fits;
 use super::model::Study;
 use super::read::Record;
@@ -79,13 +79,7 @@ pub fn check(file: &File, study: &mut Study) -> Result<Option<Suspicion>, Error>
 
 /// Error of the declared model over the spread of the outputs on the first estimation records.
 fn error(study: &Study) -> f64 {
-    let spread = |o: usize| {
-        let values = study.records.iter().filter(|record| record.role == Role::Estimation);
-        let values: Vec<f64> = values.flat_map(|record| record.outputs[o].iter().copied()).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
-    };
-    let mut fits = Fits::new(study, (0..study.outputs.len()).map(spread).collect());
+    let mut fits = Fits::new(study, study.spreads());
     fits.pieces.truncate(RECORDS);
     fits.declared().error
 }
