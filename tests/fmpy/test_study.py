@@ -38,8 +38,22 @@ def changed(tmp_path, old, new):
     return folder
 
 
-def test_dry_friction_and_drag_are_found_together_with_their_values(tmp_path):
-    found = report(EXAMPLE, tmp_path / "out")
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory):
+    """Folder of the answer to the example."""
+    folder = tmp_path_factory.mktemp("example") / "out"
+    report(EXAMPLE, folder)
+    return folder
+
+
+@pytest.fixture
+def whole(answered):
+    """Report of the example."""
+    return json.loads((answered / "report.json").read_text())
+
+
+def test_dry_friction_and_drag_are_found_together_with_their_values(whole):
+    found = whole
     assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
     values = {e["id"]: next(iter(e["params"].values()))["value"] for e in found["effects"] if e["selected"]}
     # make_records.py: only the ratios to the inertia show in a free swing, and I is fitted from 0.0036.
@@ -49,9 +63,9 @@ def test_dry_friction_and_drag_are_found_together_with_their_values(tmp_path):
     assert residual["rms_after"]["angle"] < 0.2 * residual["rms_before"]["angle"]
 
 
-def test_a_declared_damping_that_stands_for_dry_friction_and_drag_is_taken_back(tmp_path):
+def test_a_declared_damping_that_stands_for_dry_friction_and_drag_is_taken_back(tmp_path, whole):
     free = '[[free]]\nparameter = "b"\nstart = 0.0001\nmin = 0.0\n'
-    fitted = next(n for n in report(EXAMPLE, tmp_path / "free")["notes"] if "fitted: b = " in n)
+    fitted = next(n for n in whole["notes"] if "fitted: b = " in n)
     damping = float(fitted.split("b = ")[1].split()[0])
     folder = changed(tmp_path, free, "")
     study = folder / "study.toml"
@@ -65,20 +79,25 @@ def test_a_declared_damping_that_stands_for_dry_friction_and_drag_is_taken_back(
     assert values["pole.quaddrag"] == pytest.approx(3.0e-5, rel=0.1)
 
 
-def test_a_gap_in_a_record_changes_nothing_in_the_answer(tmp_path):
+def test_a_gap_in_a_record_changes_nothing_in_the_answer(tmp_path, whole):
     def gap(rows):
         return [row for row in rows if not 5.0 <= row[0] < 6.3]
 
     found = report(records(tmp_path, gap), tmp_path / "out")
     assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
-    whole = report(EXAMPLE, tmp_path / "whole")
     for one, other in zip(*([e for e in r["effects"] if e["selected"]] for r in (found, whole))):
         (own,), (reference,) = one["params"].values(), other["params"].values()
         assert own["ci95"][0] < reference["value"] < own["ci95"][1], (one, other)
 
 
-def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(tmp_path):
-    found = report(EXAMPLE, tmp_path / "out")
+def test_a_step_shorter_than_that_of_the_files_is_not_taken(tmp_path, whole):
+    found = report(changed(tmp_path, SYSTEM, SYSTEM + "\nstep_s = 0.004"), tmp_path / "out")
+    assert any("step_s = 0.004 s is shorter than its own step of 0.01 s" in note for note in found["notes"])
+    assert found["effects"] == whole["effects"]
+
+
+def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(whole):
+    found = whole
     tried = [own for step in found["steps"] for own in step["candidates"]]
     # Accepted ones are the selected ones; a rejected one says why.
     assert {own["id"] for own in tried if own["rejected"] is None} == set(named(found))
@@ -196,15 +215,13 @@ def test_the_schema_of_studies_takes_the_example_and_refuses_what_the_program_re
         assert not validator.is_valid(tomllib.loads(example.replace(old, new)))
 
 
-def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path):
-    refine(EXAMPLE, tmp_path / "all")
+def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path, answered):
     one = ["taskset", "-c", "0", str(BINARY), "refine", str(EXAMPLE), "-o", str(tmp_path / "one")]
     subprocess.run(one, cwd=ROOT, capture_output=True, text=True)
-    assert (tmp_path / "all" / "report.json").read_bytes() == (tmp_path / "one" / "report.json").read_bytes()
+    assert (answered / "report.json").read_bytes() == (tmp_path / "one" / "report.json").read_bytes()
 
 
-def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_none_is(tmp_path):
-    whole = report(EXAMPLE, tmp_path / "whole")
+def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_none_is(tmp_path, answered, whole):
 
     def draw(system, seed, out, *words):
         result = start("refine", EXAMPLE, "--redraw", system, "--seed", str(seed), *words, "-o", out)
@@ -214,7 +231,7 @@ def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_
     # Nothing is missing there but what made the residuals, which follows no law.
     nothing = draw("declared", 1, tmp_path / "declared")
     assert named(nothing) == [] and nothing["verdict"] in ("none", "unexplained")
-    again = draw(tmp_path / "whole" / "system" / "system.ssd", 1, tmp_path / "again")
+    again = draw(answered / "system" / "system.ssd", 1, tmp_path / "again")
     assert set(named(again)) == {"pole.coulomb", "pole.quaddrag"}
     for one in whole["effects"]:
         for name, own in one["params"].items():
@@ -224,9 +241,9 @@ def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_
     for found in (nothing, again):
         assert any("drawn again, with seed 1" in note for note in found["notes"])
     # Its errors are not those on the files of the study.
-    assert "--study" in (tmp_path / "whole" / "report.md").read_text()
+    assert "--study" in (answered / "report.md").read_text()
     assert "--study" not in (tmp_path / "again" / "report.md").read_text()
-    one = draw(tmp_path / "whole" / "system" / "system.ssd", 1, tmp_path / "one", "--threads", "1")
+    one = draw(answered / "system" / "system.ssd", 1, tmp_path / "one", "--threads", "1")
     assert one == again
 
 
@@ -241,13 +258,12 @@ def test_records_that_cannot_be_drawn_again_are_told(tmp_path, place, system, wo
     assert not (tmp_path / "out").exists()
 
 
-def test_the_page_of_a_study_has_its_charts(tmp_path):
-    found = report(EXAMPLE, tmp_path / "out")
-    page = (tmp_path / "out" / "report.html").read_text()
+def test_the_page_of_a_study_has_its_charts(answered, whole):
+    page = (answered / "report.html").read_text()
     assert page.count("<svg") >= 6 and len(page) < 1_000_000 and "http" not in page.replace("http://www.w3.org", "")
-    for words in ["measured less predicted", "over theta", "autocorrelation", "pole.quaddrag"]:
+    for words in ["measured less predicted", "over theta", "autocorrelation", "pole.quaddrag", "friction at tau_ext [N m]"]:
         assert words in page, words
-    assert found["localization"][0]["compared_with"] == "angle"
+    assert whole["localization"][0]["compared_with"] == "angle"
 
 
 def test_free_pendulum(tmp_path):

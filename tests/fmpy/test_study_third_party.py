@@ -123,6 +123,8 @@ def test_a_stribeck_peak_beside_coulomb_friction_that_no_attachment_shows_is_nam
         # Intervals of 95 %; twice as wide ones hold the truth in all but one of ten thousand.
         low, high = effect[name]["ci95"]
         assert abs(effect[name]["value"] - true[name]["value"]) < high - low
+    # Its curve has the names and units of the system.
+    assert "friction at tau_l [N m]" in (tmp_path / "out" / "report.html").read_text()
 
 
 @pytest.mark.slow

@@ -155,9 +155,12 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// `component.parameter`.
+    /// `component.parameter`, or the parameter of a system that is a single FMU.
     pub fn path(&self) -> String {
-        format!("{}.{}", self.component, self.parameter)
+        match &*self.component {
+            "" => self.parameter.clone(),
+            component => format!("{component}.{}", self.parameter),
+        }
     }
 
     /// A correction by `moved` with the standard deviation `deviation`, both as entries of the parameter vector.

@@ -172,7 +172,7 @@ pub fn curve(curve: &Curve) -> String {
     let chart = Chart {
         title: curve.title.clone(),
         labels: (
-            format!("{} [{}]", names::variable(curve.over.0), curve.over.1),
+            format!("{} [{}]", names::variable(&curve.over.0), curve.over.1),
             format!("{} [{}]", curve.what.0, curve.what.1),
         ),
         size: (920.0, 280.0),

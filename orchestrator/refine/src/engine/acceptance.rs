@@ -1,6 +1,9 @@
 //! Which of the candidates tried in a step is accepted, and why the others are not.
 
+use std::cell::OnceCell;
+
 use super::forward_selection::Run;
+use super::normal::residuals;
 use super::question::{Step, Tried};
 
 impl Run<'_> {
@@ -63,9 +66,24 @@ impl Run<'_> {
         simplest.or(Some(likeliest))
     }
 
-    /// Candidates of a step that do as well as the accepted one with as many parameters.
+    /// Candidates of a step that do as well as the accepted one with as many parameters, or predict nearly the same: a
+    /// small difference beside what no model explains tells nothing, however significant it is.
     pub(super) fn equals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
         let q = self.question;
+        let left = |own: &Tried| {
+            let fit = &own.model.fit;
+            residuals(q.system, &q.records, &fit.parameters, &fit.locals)
+        };
+        let of_accepted = OnceCell::new();
+        let alike = |t: &Tried| {
+            let of_accepted = of_accepted.get_or_init(|| left(accepted));
+            let (mut apart, mut whole) = (0.0, 0.0);
+            for (own, other) in left(t).iter().zip(of_accepted) {
+                apart += own.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+                whole += other.iter().map(|value| value * value).sum::<f64>();
+            }
+            apart <= q.settings.tie_of_predictions.powi(2) * whole
+        };
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
         let same = |t: &&Tried| {
             let nested = q.candidates[t.candidate].contains == Some(q.candidates[accepted.candidate].id);
@@ -74,8 +92,8 @@ impl Run<'_> {
                 && t.rejected.is_none()
                 && (!q.is_change(t.candidate) || q.is_change(accepted.candidate))
                 && size(t) >= size(accepted)
-                && (t.model.fit.chi2 - accepted.model.fit.chi2) < q.settings.tie
                 && (t.error - accepted.error) < q.settings.tie_share * self.whole_error
+                && (t.model.fit.chi2 - accepted.model.fit.chi2 < q.settings.tie || alike(t))
         };
         step.tried.iter().filter(same).cloned().collect()
     }

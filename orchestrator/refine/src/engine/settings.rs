@@ -30,6 +30,8 @@ pub struct ForwardSelection {
     pub tie: f64,
     /// Difference of the error, as a share, within which two effects count as equal.
     pub tie_share: f64,
+    /// Difference of what two models predict, over what they leave, up to which they count as equal.
+    pub tie_of_predictions: f64,
     /// Difference of the errors of two sets of effects, over what they leave, within which they count as equal.
     pub tie_share_of_rest: f64,
     /// Share of what an effect of a set takes away that another has to take away to count as its equal.
@@ -52,6 +54,7 @@ impl Default for ForwardSelection {
             max_tolerances: 3.0,
             tie: 12.0,
             tie_share: 0.03,
+            tie_of_predictions: 0.1,
             tie_share_of_rest: 0.2,
             min_share_of_rival: 0.5,
             min_form_share: 0.9,
@@ -131,6 +134,12 @@ impl ForwardSelection {
                 |s| s.tie_share,
                 (0.0, 1.0),
                 "difference of the error on held-out folds, as a share of the declared model's or of the spread of the records where that is less, within which two effects count as equal",
+            ),
+            row(
+                "tie_of_predictions",
+                |s| s.tie_of_predictions,
+                (0.0, 1.0),
+                "difference of what two models predict, as a share of the residual that they leave, within which the effects that they differ by count as equal whatever their sums of squares",
             ),
             row(
                 "tie_share_of_rest",
@@ -223,6 +232,7 @@ impl ForwardSelection {
             "max_tolerances" => &mut self.max_tolerances,
             "tie" => &mut self.tie,
             "tie_share" => &mut self.tie_share,
+            "tie_of_predictions" => &mut self.tie_of_predictions,
             "tie_share_of_rest" => &mut self.tie_share_of_rest,
             "min_share_of_rival" => &mut self.min_share_of_rival,
             "min_form_share" => &mut self.min_form_share,

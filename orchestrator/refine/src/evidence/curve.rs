@@ -13,9 +13,9 @@ pub struct Curve {
     /// Effect.
     pub title: String,
     /// Variable and unit.
-    pub over: (&'static str, String),
+    pub over: (String, String),
     /// Meaning of the ordinate and its unit.
-    pub what: (&'static str, String),
+    pub what: (String, String),
     /// Per point: variable, value, lower and upper end of the 95 % band.
     pub points: Vec<[f64; 4]>,
 }
@@ -40,25 +40,12 @@ pub fn of(case: &Case, answer: &Answer, records: &[Record]) -> Vec<Curve> {
         };
         own.unwrap_or_default()
     };
-    with(&friction, &|_| None, answer, records)
-}
-
-/// Units at an attachment: of the value that passes, of velocity and of position.
-pub type Units = [String; 3];
-
-/// The same, with the declared friction that an effect belongs to, and the units where it acts if it is no cart.
-pub fn with(
-    friction: &dyn Fn(&Effect) -> Friction,
-    units: &dyn Fn(&Effect) -> Option<Units>,
-    answer: &Answer,
-    records: &[Record],
-) -> Vec<Curve> {
     let selected = answer.effects.iter().filter(|effect| effect.selected);
     selected
         .filter_map(|effect| {
-            let drawn = drawn(effect, &friction(effect))?;
-            let (low, high) = range(records, drawn.over.0)?;
-            Some(sampled(effect, &drawn, units(effect).as_ref(), (low, high)))
+            let Drawn { over, what, law } = drawn(effect, &friction(effect))?;
+            let named = |(name, unit): (&str, &str)| (name.to_owned(), unit.to_owned());
+            Some(sampled(effect, named(over), named(what), &law, range(records, over.0)?))
         })
         .collect()
 }
@@ -76,19 +63,14 @@ fn range(records: &[Record], name: &str) -> Option<(f64, f64)> {
     (low < high).then_some((low, high))
 }
 
-/// A quantity with its unit where an effect acts, for that on a cart.
-fn at_port((name, on_cart): (&'static str, &str), units: Option<&Units>) -> (&'static str, String) {
-    let own = units.and_then(|[value, velocity, position]| match on_cart {
-        // The pressure force is one everywhere.
-        "N" if name != "F" => Some(value),
-        "m/s" => Some(velocity),
-        "m" => Some(position),
-        _ => None,
-    });
-    (name, own.map_or(on_cart, String::as_str).replace(['.', '*'], " "))
-}
-
-fn sampled(effect: &Effect, drawn: &Drawn, units: Option<&Units>, (low, high): (f64, f64)) -> Curve {
+/// A curve of an effect over a variable between two values, with the band of its parameters.
+pub(super) fn sampled(
+    effect: &Effect,
+    over: (String, String),
+    what: (String, String),
+    law: &dyn Fn(f64, &dyn Fn(&str) -> f64) -> f64,
+    (low, high): (f64, f64),
+) -> Curve {
     let at = |moved: Option<(usize, f64)>| {
         move |name: &str| {
             let found = effect.parameters.iter().enumerate().find(|(_, p)| p.name == name);
@@ -100,20 +82,20 @@ fn sampled(effect: &Effect, drawn: &Drawn, units: Option<&Units>, (low, high): (
     };
     let point = |k: usize| {
         let x = low + (high - low) * k as f64 / (POINTS - 1) as f64;
-        let value = (drawn.law)(x, &at(None));
+        let value = law(x, &at(None));
         let spread = effect.parameters.iter().enumerate().map(|(index, p)| {
-            let ends =
-                [p.interval.0, p.interval.1].map(|end| (drawn.law)(x, &at(Some((index, end)))) - value);
+            let ends = [p.interval.0, p.interval.1].map(|end| law(x, &at(Some((index, end)))) - value);
             ends.iter().map(|difference| difference.abs()).fold(0.0, f64::max).powi(2)
         });
         let half = spread.filter(|square| square.is_finite()).sum::<f64>().sqrt();
         [x, value, value - half, value + half]
     };
     let signal = effect.signal.as_ref().map_or(String::new(), |signal| format!(" of {signal}"));
+    let shown = |(name, unit): (String, String)| (name, unit.replace(['.', '*'], " "));
     Curve {
         title: format!("{}{signal}", effect.id),
-        over: at_port(drawn.over, units),
-        what: at_port(drawn.what, units),
+        over: shown(over),
+        what: shown(what),
         points: (0..POINTS).map(point).collect(),
     }
 }
@@ -208,12 +190,11 @@ mod tests {
             reason: String::new(),
             ..Effect::default()
         };
-        let drawn = drawn(&effect, &Friction::default()).unwrap();
-        let joint = ["N.m", "rad/s", "rad"].map(str::to_owned);
-        let turned = sampled(&effect, &drawn, Some(&joint), (-0.1, 0.1));
-        assert_eq!([turned.over.1, turned.what.1], ["rad", "N m"]);
-        let curve = sampled(&effect, &drawn, None, (-0.1, 0.1));
-        assert_eq!([&curve.over.1, &curve.what.1], ["m", "N"]);
+        let Drawn { law, .. } = drawn(&effect, &Friction::default()).unwrap();
+        let axes = [("phi", "rad"), ("added to tau", "N.m")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        let [over, what] = axes;
+        let curve = sampled(&effect, over, what, &law, (-0.1, 0.1));
+        assert_eq!([&curve.over.1, &curve.what.1], ["rad", "N m"]);
         let [x, y, low, high] = curve.points[0];
         assert_eq!(x, -0.1);
         assert!((y - 2.0).abs() < 1e-12 && (low - 1.9).abs() < 1e-12 && (high - 2.1).abs() < 1e-12);

@@ -3,6 +3,7 @@
 //!
 //! Nothing here decides anything; the search is over. All data come from validation records.
 
+mod block;
 pub mod correlation;
 pub mod curve;
 pub mod dependence;

@@ -1,10 +1,9 @@
 //! The material of the figures of a study.
 
 use super::{
-    Evidence, MAX_RECORDS_OVER_TIME, Port, Record, Residual, Signal, Variable, correlation, curve, dependence,
+    Evidence, MAX_RECORDS_OVER_TIME, Port, Record, Residual, Signal, Variable, block, correlation, dependence,
 };
-use crate::answer::{Answer, Effect};
-use crate::case::Friction;
+use crate::answer::Answer;
 use crate::engine::{System, parallel};
 use crate::study::declaration::Role;
 use crate::study::fits::{Fits, Model, pieces};
@@ -26,7 +25,7 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
         let p = &model.fit.parameters;
         fits.grow(&model.added, &chosen, p, &[], &[0.1, 0.3, 1.0], 12).locals
     });
-    let records = parallel::map(chosen.len(), |i| {
+    let (records, traces): (Vec<Record>, Vec<Vec<Vec<Point>>>) = parallel::map(chosen.len(), |i| {
         let record = &study.records[chosen[i].record];
         let measured = views[0].measured(i);
         let predicted = [0, 1].map(|m| views[m].predict(i, &models[m].fit.parameters, &locals[m][i]));
@@ -38,19 +37,22 @@ pub fn gather(fits: &Fits, models: [&Model; 2], answer: &Answer) -> Evidence {
             Residual { signal, measured: measured[span.range.clone()].to_vec(), values: [own(0), own(1)] }
         });
         let traces = views[1].trace(i, &models[1].fit.parameters, &locals[1][i]);
-        Record {
+        let variables = variables(study, record.n, &traces, &record.inputs);
+        let own = Record {
             name: record.name.clone(),
             group: String::new(),
             sample_time: record.step,
             residuals: residuals.collect(),
-            variables: variables(study, record.n, &traces, &record.inputs),
-        }
-    });
-    let friction = |effect: &Effect| friction(study, models[1], effect);
+            variables,
+        };
+        (own, traces)
+    })
+    .into_iter()
+    .unzip();
     Evidence {
         dependence: dependence::of(&signals, &records),
         correlation: correlation::of(&signals, &records),
-        curves: curve::with(&friction, &|effect| units(study, effect), answer, &records),
+        curves: block::of(study, answer, &traces),
         ports: ports(study, answer),
         left_at: answer.left_at.clone(),
         records: records.into_iter().take(MAX_RECORDS_OVER_TIME).collect(),
@@ -65,24 +67,6 @@ fn all_signals(study: &Study, answer: &Answer, mut signals: Vec<Signal>) -> Vec<
         signals.push(Signal { name: name.clone(), unit: "N".into(), noise });
     }
     signals
-}
-
-/// The units at the attachment of an effect.
-fn units(study: &Study, effect: &Effect) -> Option<curve::Units> {
-    let port = &study.candidates.iter().find(|c| c.is(effect))?.port;
-    Some(study.taps.iter().find(|tap| tap.name == *port)?.units.clone())
-}
-
-/// The declared friction at the attachment of an effect.
-fn friction(study: &Study, model: &Model, effect: &Effect) -> Friction {
-    let own = study.candidates.iter().find(|c| c.is(effect));
-    let tap = own.and_then(|c| match c.action {
-        crate::study::model::Action::Block { tap, .. } => study.taps.get(tap),
-        _ => None,
-    });
-    let level = tap.and_then(|tap| tap.coulomb).map_or(0.0, |level| level.of(&model.fit.parameters));
-    let (vt, v0) = tap.map_or((1e-3, 0.0), |tap| (tap.vt, tap.v0));
-    Friction { c1: level, c2: 1.0 / vt, c3: v0, ..Friction::default() }
 }
 
 /// The outputs, each driven by the inputs of the system.

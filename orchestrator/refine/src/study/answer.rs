@@ -502,7 +502,7 @@ fn notes(
 /// Corrections of a model beside the changes of declared parameters that are effects of their own.
 fn corrections(study: &Study, selection: &Selection, model: &Model) -> Vec<Correction> {
     let changed = |own: &Correction| {
-        let name = if own.component.is_empty() { own.parameter.clone() } else { own.path() };
+        let name = own.path();
         selection.changed.iter().any(|free| study.entries[free.index].name == name)
     };
     let mut found = by_share::corrections(study, model, &[]);

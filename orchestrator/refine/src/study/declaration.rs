@@ -21,7 +21,8 @@ pub struct Declaration {
     pub name: String,
     /// `.ssd`, `.ssp` or `.fmu`, relative to this file; `airloop:NAME` is an FMU of this project.
     pub system: Spanned<String>,
-    /// Step of the simulation and of the records \[s\]; the step of the records without it.
+    /// Step of the simulation and of the records \[s\]; the step of the records without it, or where it is
+    /// shorter.
     #[serde(default)]
     pub step_s: Option<Spanned<f64>>,
     /// Whether poles and gains of identified linear models (state spaces) are fitted anew beside every effect; yes

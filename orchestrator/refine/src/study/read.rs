@@ -122,6 +122,8 @@ impl Layout {
 
 /// Ratio of `step_s` to the step of a file below which samples lie between its samples.
 const SHORT_STEP: f64 = 0.9;
+/// The same below which `step_s` is a slip.
+const MIN_STEP: f64 = 0.1;
 
 /// Steps behind the end of a file from which on `to_s` lies beyond it.
 const BEYOND_THE_END: f64 = 1.5;
@@ -257,7 +259,21 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let series =
                 cleaned::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
             let series = cleaned::emptied(series, &segment.file, &compared, notes);
-            let grid = grid(series, step).map_err(&refuse)?;
+            let own = own_step(series.time());
+            let short = step.filter(|step| *step < SHORT_STEP * own);
+            if let Some(short) = short.filter(|step| *step < MIN_STEP * own) {
+                return Err(refuse(format!(
+                    "step_s = {short:e} s is far shorter than its own step of {} s: a slip of the unit? Leave step_s out, the integration is as fine as it needs to be",
+                    significant(own)
+                )));
+            }
+            if let Some(short) = short {
+                notes.push(format!(
+                    "{}: step_s = {short} s is shorter than its own step of {} s, which is used: what lies between its samples is not measured, and the integration is as fine as it needs to be.",
+                    segment.file, significant(own)
+                ));
+            }
+            let grid = grid(series, step.filter(|_| short.is_none())).map_err(&refuse)?;
             if grid.between {
                 notes.push(format!(
                     "{}: its stamps are not {} s apart; between them signals lie on lines, and inputs with `hold` have their mean over each step.",
@@ -279,13 +295,6 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                     "{}: empty cells or NaN in {}; between samples the line counts (the last sample where `hold` says so), and errors count only where something was measured.",
                     segment.file,
                     slow.join(", ")
-                ));
-            }
-            let own = own_step(grid.raw.time());
-            if grid.step < SHORT_STEP * own {
-                notes.push(format!(
-                    "{}: step_s = {} s is shorter than its own step of {own:.3e} s; what is interpolated between samples may look as if something were missing. Leave step_s out: the integration is as fine as it needs to be.",
-                    segment.file, grid.step
                 ));
             }
             grids.insert(&segment.file, grid);
