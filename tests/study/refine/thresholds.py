@@ -24,7 +24,7 @@ VALUES = {
     "min_share_of_correction": (0.25, 0.8),
     "max_tolerances": (1.5, 6),
     "tie_share": (0.005, 0.08),
-    "tie_of_predictions": (0.05, 0.2),
+    "tie_of_predictions": (0.1, 0.4),
     "tie_share_of_rest": (0.1, 0.4),
     "min_share_of_rival": (0.25, 0.75),
     "min_form_share": (0.8, 0.97),

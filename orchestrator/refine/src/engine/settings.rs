@@ -54,7 +54,7 @@ impl Default for ForwardSelection {
             max_tolerances: 3.0,
             tie: 12.0,
             tie_share: 0.03,
-            tie_of_predictions: 0.1,
+            tie_of_predictions: 0.2,
             tie_share_of_rest: 0.2,
             min_share_of_rival: 0.5,
             min_form_share: 0.9,
