@@ -21,6 +21,7 @@ def selected(report):
     return {effect["id"]: effect["params"] for effect in report["effects"] if effect["selected"]}
 
 
+@pytest.mark.slow
 def test_dry_friction_is_found_in_both_joints_of_the_arm(tmp_path):
     report, folder, out = refined("08_arm", tmp_path)
     found = selected(report)
