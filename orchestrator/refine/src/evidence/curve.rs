@@ -20,14 +20,14 @@ pub struct Curve {
     pub points: Vec<[f64; 4]>,
 }
 
-/// One value of an effect: variable, values of its parameters in their order.
-type Law = Box<dyn Fn(f64, &dyn Fn(&str) -> f64) -> f64>;
+/// One value of an effect, for a value of its variable and of its parameters by name.
+pub(super) type Law<'a> = dyn Fn(f64, &dyn Fn(&str) -> f64) -> f64 + 'a;
 
 /// A law with what it is over and what it gives, and their units on a cart.
 struct Drawn {
     over: (&'static str, &'static str),
     what: (&'static str, &'static str),
-    law: Law,
+    law: Box<Law<'static>>,
 }
 
 /// Curves of the selected effects that are a function of one variable.
@@ -68,7 +68,7 @@ pub(super) fn sampled(
     effect: &Effect,
     over: (String, String),
     what: (String, String),
-    law: &dyn Fn(f64, &dyn Fn(&str) -> f64) -> f64,
+    law: &Law,
     (low, high): (f64, f64),
 ) -> Curve {
     let at = |moved: Option<(usize, f64)>| {
@@ -106,7 +106,7 @@ fn drawn(effect: &Effect, declared: &Friction) -> Option<Drawn> {
     let (force, torque) = (("friction force", "N"), ("torque", "N m"));
     let (v, x, omega, u, t) = (("xdot", "m/s"), ("x", "m"), ("thetadot", "rad/s"), ("u", "N"), ("time", "s"));
     let command = ("command behind the effect", "N");
-    let make = |over, what, law: Law| Some(Drawn { over, what, law });
+    let make = |over, what, law: Box<Law<'static>>| Some(Drawn { over, what, law });
     let (channel, kind) = effect.id.split_once('.')?;
     match (channel, kind) {
         ("pf" | "cf", "viscous") => make(v, force, Box::new(|v, p| p("coef") * v)),
