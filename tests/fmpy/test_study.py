@@ -53,13 +53,12 @@ def whole(answered):
 
 
 def test_dry_friction_and_drag_are_found_together_with_their_values(whole):
-    found = whole
-    assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
-    values = {e["id"]: next(iter(e["params"].values()))["value"] for e in found["effects"] if e["selected"]}
+    assert set(named(whole)) == {"pole.coulomb", "pole.quaddrag"}
+    values = {e["id"]: next(iter(e["params"].values()))["value"] for e in whole["effects"] if e["selected"]}
     # make_records.py: only the ratios to the inertia show in a free swing, and I is fitted from 0.0036.
     assert values["pole.coulomb"] == pytest.approx(4.0e-4, rel=0.1)
     assert values["pole.quaddrag"] == pytest.approx(3.0e-5, rel=0.1)
-    residual = found["residual"]["validation"]
+    residual = whole["residual"]["validation"]
     assert residual["rms_after"]["angle"] < 0.2 * residual["rms_before"]["angle"]
 
 
@@ -97,13 +96,12 @@ def test_a_step_shorter_than_that_of_the_files_is_not_taken(tmp_path, whole):
 
 
 def test_steps_and_what_is_left_are_told_by_the_ports_of_the_study(whole):
-    found = whole
-    tried = [own for step in found["steps"] for own in step["candidates"]]
+    tried = [own for step in whole["steps"] for own in step["candidates"]]
     # Accepted ones are the selected ones; a rejected one says why.
-    assert {own["id"] for own in tried if own["rejected"] is None} == set(named(found))
+    assert {own["id"] for own in tried if own["rejected"] is None} == set(named(whole))
     ports = {own["port"] for own in tried if not own["id"].startswith("sensor")}
     assert ports == {"tau_ext"}
-    assert set(found["remaining"]["ports"]) <= {"tau_ext"}
+    assert set(whole["remaining"]["ports"]) <= {"tau_ext"}
 
 
 @pytest.mark.parametrize(
@@ -222,7 +220,6 @@ def test_one_seed_gives_one_report_on_any_number_of_processors(tmp_path, answere
 
 
 def test_effects_are_found_again_in_records_that_are_drawn_again_and_none_where_none_is(tmp_path, answered, whole):
-
     def draw(system, seed, out, *words):
         result = start("refine", EXAMPLE, "--redraw", system, "--seed", str(seed), *words, "-o", out)
         assert result.returncode in (0, 10, 11, 12, 13), result.stderr

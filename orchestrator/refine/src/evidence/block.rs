@@ -41,27 +41,27 @@ pub fn of(study: &Study, answer: &Answer, records: &[Vec<Vec<Point>>]) -> Vec<Cu
 fn one(study: &Study, effect: &Effect, records: &[Vec<Vec<Point>>]) -> Option<Curve> {
     let candidate = study.candidates.iter().find(|own| own.is(effect))?;
     let Action::Block { law, tap: index } = candidate.action else { return None };
-    let (tap, wiring) = (&study.taps[index], effect.wiring.clone().unwrap_or_default());
+    let (tap, wiring) = (&study.taps[index], effect.wiring.as_ref()?);
     let own = match law {
         Law::Own(index) => study.own.get(index).map(AsRef::as_ref),
         _ => None,
     };
-    let (variable, shown) = shown(law, own)?;
+    let (variable, shown) = axes(law, own)?;
     let values = records.iter().filter_map(|taps| taps.get(index)).flatten().map(|point| point.of(variable));
     let range = values
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     let range = (range.0 < range.1).then_some(range)?;
     let names: Vec<&str> = effect.parameters.iter().map(|own| own.name.as_str()).collect();
-    let value = |x: f64, p: &dyn Fn(&str) -> f64| {
+    let at = |x: f64, p: &dyn Fn(&str) -> f64| {
         let p: Vec<f64> = names.iter().map(|name| p(name)).collect();
-        value((law, own), &wiring, &shown, x, &p)
+        value((law, own), wiring, &shown, x, &p)
     };
-    Some(sampled(effect, axis(tap, variable), ordinate(tap, &shown), &value, range))
+    Some(sampled(effect, abscissa(tap, variable), ordinate(tap, &shown), &at, range))
 }
 
 /// The variable that a law depends on, and what is shown over it; none where it is a constant, has a memory, or depends
 /// on several.
-fn shown(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
+fn axes(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
     use Variable::{Position, PressureForce, Time, Value, Velocity};
     Some(match law {
         Law::Viscous | Law::Coulomb | Law::Stribeck | Law::Asymmetry | Law::Drag => {
@@ -97,31 +97,36 @@ fn shown(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
     })
 }
 
-/// Value of the ordinate at `x` with parameters in the terms of the vocabulary.
+/// Value of the ordinate at `x` with parameters in the terms of the vocabulary. The sign of a port, by which its value
+/// acts, is part of what is taken off or added there; friction is drawn along the motion.
 fn value((law, own): (Law, Option<&Own>), wiring: &Wiring, shown: &Shown, x: f64, p: &[f64]) -> f64 {
-    let sign_change = |velocity: f64| ((velocity - wiring.v0) / wiring.vt).tanh();
+    let formula = || own.map_or(0.0, |own| own.value([x; 4], &[], p));
+    let taken = || match law {
+        Law::Own(_) => formula(),
+        Law::Spring => p[0] * (x - p[1]),
+        Law::Cogging => p[0] * (TAU * x / p[2] + p[1]).sin(),
+        // At rest.
+        _ => law.force(p, &Point { position: x, time: x, ..Point::default() }, 0.0, 0.0, 0.0),
+    };
     match (law, shown) {
-        (Law::Spring, _) => -p[0] * (x - p[1]),
-        (Law::Cogging, _) => -p[0] * (TAU * x / p[2] + p[1]).sin(),
-        (Law::Own(_), _) => own.map_or(0.0, |own| own.value([x; 4], &[], p)),
+        (Law::Own(_), Shown::Passed) => formula(),
+        (_, Shown::Friction) => {
+            let peak = if law == Law::Stribeck { wiring.v0 } else { 0.0 };
+            let at = Point { velocity: x - peak, ..Point::default() };
+            law.force(p, &at, ((x - wiring.v0) / wiring.vt).tanh(), 0.0, 0.0)
+        }
+        (_, Shown::Taken) => wiring.sign * taken(),
+        (_, Shown::Added) => -wiring.sign * taken(),
         (_, Shown::Level) => p[0] * if law == Law::Pressure { x.abs() } else { x },
         // The first slip from rest.
         (_, Shown::Reversal) => wiring.level * (1.0 - (-x.abs() / p[0].max(1e-9)).exp()),
         (_, Shown::Passed) => law.command(p, &Point::default(), x),
         (_, Shown::Factor) => law.command(p, &Point { position: x, time: x, ..Point::default() }, 1.0),
-        _ => {
-            let v0 = if law == Law::Stribeck { wiring.v0 } else { 0.0 };
-            let rest = matches!(shown, Shown::Friction);
-            let at =
-                Point { velocity: if rest { x - v0 } else { 0.0 }, position: x, time: x, ..Point::default() };
-            let force = law.force(p, &at, sign_change(x), 0.0, 0.0);
-            if matches!(shown, Shown::Added) { -force } else { force }
-        }
     }
 }
 
 /// Name and unit of a variable.
-fn axis(tap: &Tap, variable: Variable) -> (String, String) {
+fn abscissa(tap: &Tap, variable: Variable) -> (String, String) {
     let [value, velocity, position] = &tap.units;
     match variable {
         Variable::Velocity => (tap.words[0].clone(), velocity.clone()),
@@ -154,13 +159,17 @@ mod tests {
 
     #[test]
     fn a_curve_is_what_the_block_of_the_law_does() {
-        let wiring = Wiring { vt: 0.01, v0: 0.2, level: 3.0, ..Wiring::default() };
-        let at = |law: Law, x: f64, p: &[f64]| {
-            let (_, shown) = shown(law, None).unwrap();
+        let by = |sign: f64, law: Law, x: f64, p: &[f64]| {
+            let wiring = Wiring { vt: 0.01, v0: 0.2, level: 3.0, sign, ..Wiring::default() };
+            let (_, shown) = axes(law, None).unwrap();
             value((law, None), &wiring, &shown, x, p)
         };
+        let at = |law: Law, x: f64, p: &[f64]| by(1.0, law, x, p);
         // A spring of 20 N/m at rest at 0.1 m pulls back.
         assert!((at(Law::Spring, 0.3, &[20.0, 0.1]) + 4.0).abs() < 1e-12);
+        // At a port whose larger value makes the velocity fall, that is a larger value.
+        assert!((by(-1.0, Law::Spring, 0.3, &[20.0, 0.1]) - 4.0).abs() < 1e-12);
+        assert!((by(-1.0, Law::Coulomb, 0.5, &[2.0]) - 2.0).abs() < 1e-12);
         // Far from the velocity of the sign change friction is its level.
         assert!((at(Law::Coulomb, 0.5, &[2.0]) - 2.0).abs() < 1e-12);
         assert_eq!(at(Law::Coulomb, 0.2, &[2.0]), 0.0);
@@ -168,6 +177,6 @@ mod tests {
         assert_eq!(at(Law::DeadBand, 2.0, &[0.5]), 1.5);
         assert_eq!(at(Law::PositionGain, 0.5, &[0.4]), 1.2);
         assert!((at(Law::Presliding, 1.0, &[1e-3]) - 3.0).abs() < 1e-12);
-        assert!(shown(Law::Offset, None).is_none());
+        assert!(axes(Law::Offset, None).is_none());
     }
 }
