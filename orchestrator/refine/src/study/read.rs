@@ -235,12 +235,11 @@ pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
 /// A file, column, unit or span that does not fit: place in the study, file and remedy.
 pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<Vec<Record>, Error> {
     let declaration = &file.declaration;
-    let step = match &declaration.step_s {
-        Some(step) if !(*step.get_ref() > 0.0 && step.get_ref().is_finite()) => {
-            return Err(file.refuse(step, "step_s must be above zero"));
-        }
-        step => step.as_ref().map(|step| *step.get_ref()),
-    };
+    if let Some(step) =
+        declaration.step_s.as_ref().filter(|own| !(*own.get_ref() > 0.0 && own.get_ref().is_finite()))
+    {
+        return Err(file.refuse(step, "step_s must be above zero"));
+    }
     separate(file)?;
     // An outstanding sample of a held command is intended.
     let measured = layout.signals().into_iter().flatten().flatten().filter(|signal| !signal.hold);
@@ -259,21 +258,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
             let series =
                 cleaned::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
             let series = cleaned::emptied(series, &segment.file, &compared, notes);
-            let own = own_step(series.time());
-            let short = step.filter(|step| *step < SHORT_STEP * own);
-            if let Some(short) = short.filter(|step| *step < MIN_STEP * own) {
-                return Err(refuse(format!(
-                    "step_s = {short:e} s is far shorter than its own step of {} s: a slip of the unit? Leave step_s out, the integration is as fine as it needs to be",
-                    significant(own)
-                )));
-            }
-            if let Some(short) = short {
-                notes.push(format!(
-                    "{}: step_s = {short} s is shorter than its own step of {} s, which is used: what lies between its samples is not measured, and the integration is as fine as it needs to be.",
-                    segment.file, significant(own)
-                ));
-            }
-            let grid = grid(series, step.filter(|_| short.is_none())).map_err(&refuse)?;
+            let step = stated_step(file, &segment.file, own_step(series.time()), notes)?;
+            let grid = grid(series, step).map_err(&refuse)?;
             if grid.between {
                 notes.push(format!(
                     "{}: its stamps are not {} s apart; between them signals lie on lines, and inputs with `hold` have their mean over each step.",
@@ -419,6 +405,29 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         ));
     }
     Ok(found)
+}
+
+/// The stated step \[s\] for a record with a step of its own \[s\]; none where none is stated, or a shorter one.
+fn stated_step(file: &File, record: &str, own: f64, notes: &mut Vec<String>) -> Result<Option<f64>, Error> {
+    let Some(stated) = &file.declaration.step_s else { return Ok(None) };
+    let step = *stated.get_ref();
+    if step < MIN_STEP * own {
+        return Err(file.refuse(
+            stated,
+            format!(
+                "step_s = {step:e} s is far shorter than the step of {record}, {} s: a slip of the unit? Leave step_s out, the integration is as fine as it needs to be",
+                significant(own)
+            ),
+        ));
+    }
+    if step < SHORT_STEP * own {
+        notes.push(format!(
+            "{record}: step_s = {step} s is shorter than its own step of {} s, which is used: what lies between its samples is not measured, and the integration is as fine as it needs to be.",
+            significant(own)
+        ));
+        return Ok(None);
+    }
+    Ok(Some(step))
 }
 
 /// Refuses validation segments that share samples with estimation segments.
