@@ -205,7 +205,8 @@ fn over(own: &Law) -> String {
 /// How much of the error effects and corrections take away, and where the rest is.
 fn share_and_remainder(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let percent =
+        |share: f64| if share > 0.0 { format!("{:.0} %", 100.0 * share) } else { "none".to_owned() };
     let alone = match chosen[..] {
         [one] => one.share.map(|share| format!("It takes away {} of the error", percent(share))),
         _ => None,

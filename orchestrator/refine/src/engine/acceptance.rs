@@ -25,15 +25,15 @@ impl Run<'_> {
             let whole =
                 if self.whole_error < self.declared_error { "spread of the records" } else { "error" };
             return Some(format!(
-                "it takes away {:.0} % of the {whole} on held-out records beyond the corrections, less than {:.0} %",
-                100.0 * share,
+                "it takes away {} of the {whole} on held-out records beyond the corrections, less than {:.0} %",
+                percent(share),
                 100.0 * s.min_held_out_share
             ));
         }
         if tried.alone < s.min_share_alone {
             return Some(format!(
-                "without corrections of declared parameters it takes away {:.0} % of the error, less than {:.0} %",
-                100.0 * tried.alone,
+                "without corrections of declared parameters it takes away {} of the error, less than {:.0} %",
+                percent(tried.alone),
                 100.0 * s.min_share_alone
             ));
         }
@@ -97,4 +97,9 @@ impl Run<'_> {
         };
         step.tried.iter().filter(same).cloned().collect()
     }
+}
+
+/// A share that is taken away, in words.
+pub(crate) fn percent(share: f64) -> String {
+    if share > 0.0 { format!("{:.0} %", 100.0 * share) } else { "none".into() }
 }

@@ -96,10 +96,9 @@ pub fn fitted_from(question: &Question, added: &[usize], starts: &[Vec<f64>]) ->
     best.map(|(_, parameters)| parameters)
 }
 
-/// Rounds of a fit, of its refinement, and of the refits without a fold.
+/// Rounds of a fit, and of its refinement.
 pub(super) const ROUNDS: usize = 6;
 pub(super) const REFINEMENT_ROUNDS: usize = 4;
-const FOLD_ROUNDS: usize = 2;
 /// Fits under the weights of the fit before, and the ratio of their errors above which there is no further one.
 const MAX_REWEIGHTS: usize = 8;
 const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
@@ -230,27 +229,6 @@ impl<'a> Run<'a> {
     /// Error of a model on the records that it was fitted to.
     pub(super) fn fitted_error(&self, model: &Model) -> f64 {
         self.question.held_out.error_from(&model.fit.parameters, &self.question.records, &model.fit.locals)
-    }
-
-    /// Error on folds that a model, fitted again without them, has not seen.
-    pub(super) fn held_out_error(&self, weights: &Weights, model: &Model) -> f64 {
-        let q = self.question;
-        if q.folds.len() < 2 || stop::asked() {
-            return self.fitted_error(model);
-        }
-        let part = |chosen: Vec<usize>| -> (Vec<usize>, Vec<Vec<f64>>) {
-            chosen.into_iter().map(|i| (q.records[i], model.fit.locals[i].clone())).unzip()
-        };
-        let squares = q.folds.iter().map(|fold| {
-            let (rest, locals) = part((0..q.records.len()).filter(|i| !fold.contains(i)).collect());
-            let (own, own_locals) = part(fold.clone());
-            let refit =
-                self.fit_records(weights, (&rest, &locals), &model.added, &model.fit.parameters, FOLD_ROUNDS);
-            let p = &refit.fit.parameters;
-            let own_locals = self.localized(weights, &own, p, &own_locals);
-            own.len() as f64 * q.held_out.error_from(p, &own, &own_locals).powi(2)
-        });
-        (squares.sum::<f64>() / q.records.len() as f64).sqrt()
     }
 
     /// Weighted sum of squares and held-out error of a model without one of its corrections.

@@ -1,10 +1,11 @@
 //! Search for missing effects in any [`System`]: fits, goodness of fit, selection. Knows no physics.
 
-mod acceptance;
+pub mod acceptance;
 pub mod candidate;
 pub mod corrected;
 mod exchange;
 pub mod fit;
+mod folds;
 pub mod forward_selection;
 pub mod goodness;
 pub mod held_out;

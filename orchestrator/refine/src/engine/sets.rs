@@ -17,6 +17,10 @@ const MAX_NOISE_LEFT: f64 = 2.0;
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 
+/// Rounds after which the fit of a set goes on only if it has taken away this share of what it has to.
+const FIRST_ROUNDS: usize = 2;
+const SHARE_OF_FALL_AT_FIRST: f64 = 0.3;
+
 /// Words that the report adds to the reason why an effect of a set was rejected before.
 const NEEDED: &str = "; a set of effects that was accepted later needs it";
 
@@ -117,10 +121,33 @@ impl Run<'_> {
             found.steps.push(Step { added: found.best.added.clone(), tried: tried.clone() });
             tried
         });
+        // Shares of the rest that they take where they were fitted.
+        let left = self.fitted_error(&found.best);
+        let taken = |t: &Tried| 1.0 - self.fitted_error(&t.model) / left;
+        let least = SHARE_OF_FALL_AT_FIRST * q.settings.min_share_of_rest;
+        let few: Vec<(f64, &Tried)> = tried.iter().take(PAIRED_SINGLES).map(|t| (taken(t), t)).collect();
         let single = |t: &Tried| (t.model.added.clone(), t.model.fit.parameters.clone());
-        let mut sets: Vec<Proposal> = tried.iter().take(PAIRED_SINGLES).map(single).collect();
+        let mut sets: Vec<Proposal> =
+            few.iter().filter(|(taken, _)| *taken >= least).map(|(_, t)| single(t)).collect();
         sets.extend(self.pairs(&found.best, &tried));
         self.take(found, sets, Demand::Rest)
+    }
+
+    /// A set of effects, fitted, if it takes away some of what it has to where it is fitted: it takes away no more
+    /// where it is held out.
+    fn promising_set(&self, best: &Model, (set, p): (&[usize], &[f64]), demand: Demand) -> Option<Model> {
+        let weights = self.weights(&best.fit.parameters, &best.fit.locals);
+        let fall = match demand {
+            Demand::Each => MIN_FALL_OF_SET.0,
+            Demand::Rest => self.question.settings.min_share_of_rest,
+        };
+        let most = (1.0 - SHARE_OF_FALL_AT_FIRST * fall) * self.fitted_error(best);
+        let first = self.fit(&weights, set, p, &best.fit.locals, FIRST_ROUNDS);
+        if self.fitted_error(&first) > most {
+            return None;
+        }
+        let (p, locals) = (&first.fit.parameters, &first.fit.locals);
+        Some(self.fit(&weights, set, p, locals, ROUNDS - FIRST_ROUNDS))
     }
 
     /// A set of effects, without those that it does not need, if it does clearly better than `best`.
@@ -132,8 +159,7 @@ impl Run<'_> {
         demand: Demand,
     ) -> Option<Step> {
         let q = self.question;
-        let first =
-            self.fit(&self.weights(&best.fit.parameters, &best.fit.locals), set, p, &best.fit.locals, ROUNDS);
+        let first = self.promising_set(best, (set, p), demand)?;
         let weights = self.weights(&first.fit.parameters, &first.fit.locals);
         let again = |model: &Model| {
             self.fit(&weights, &model.added, &model.fit.parameters, &model.fit.locals, REFINEMENT_ROUNDS)
@@ -183,15 +209,18 @@ impl Run<'_> {
             break;
         }
         let extra = model.added.len().saturating_sub(best.added.len()).max(1);
-        // As for one effect: several corrections together could do much of what the set does.
-        let dominant = || {
-            let error_of = |own: &Model| {
-                let p = q.without_corrections(&own.fit.parameters, &own.added);
-                self.error_at(&weights, &p, &own.fit.locals)
-            };
-            error_of(&model) <= (1.0 - q.settings.min_share_of_correction) * error_of(&base)
+        // As for one effect: several corrections together could do much of what the set does, or it of what they do.
+        let error_of = |own: &Model| {
+            let p = q.without_corrections(&own.fit.parameters, &own.added);
+            self.error_at(&weights, &p, &own.fit.locals)
         };
-        let enough = base_error - error >= q.settings.min_held_out_share * self.whole_error || dominant();
+        let alone = 1.0 - error_of(&model) / error_of(&base);
+        let share = (base_error - error) / self.whole_error;
+        // Effects that no accepted one is among stand by nothing but each other.
+        let anchored = model.added.iter().any(|c| best.added.contains(c));
+        let enough =
+            anchored && share >= q.settings.min_held_out_share && alone >= q.settings.min_share_alone
+                || alone >= q.settings.min_share_of_correction;
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
         if !enough || error > most(extra, best_error) || objection.is_some() || known {

@@ -48,7 +48,7 @@ impl Default for ForwardSelection {
     fn default() -> ForwardSelection {
         ForwardSelection {
             min_gain: 20.0,
-            min_held_out_share: 0.2,
+            min_held_out_share: 0.25,
             min_share_alone: 0.2,
             min_share_of_correction: 0.5,
             max_tolerances: 3.0,

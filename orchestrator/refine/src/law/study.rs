@@ -203,7 +203,7 @@ fn imitated(study: &Study, found: &Answer, law: &Law, aim: Aim) -> bool {
 
 /// Signals at the attachments in the estimation records, `[taps][n]`: measured where an output shows the signal or its
 /// derivative, else simulated with the model.
-pub(super) fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
+pub(crate) fn motion(fits: &Fits, model: &Model) -> Vec<Vec<Point>> {
     let study = fits.study;
     let view = fits.view(&model.added, &fits.pieces);
     let mut all: Vec<Vec<Point>> = vec![Vec::new(); study.taps.len()];

@@ -12,6 +12,7 @@ use super::fits::{Fits, Model, pieces};
 use super::influence::declared_viscous;
 use super::integration;
 use super::model::{Study, Target};
+use super::periods;
 use super::prepared::{Prepared, prepared};
 use super::remarks;
 use super::resolution;
@@ -62,6 +63,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let scale = scales(&study, &declared);
     correct(&mut study, &scale, &[], &declared.parameters);
     let mut model = steps(&mut study, &scale, &declared);
+    make_stable(&mut study, &scale, &mut model);
+    periods::propose(&mut study, &scale, &model);
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     let mut quick = fits.quick;
     say("noise floor");
@@ -81,8 +84,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     {
         study.substeps = substeps;
         let fits = Fits::new(&study, scale.clone());
-        let start = fits.fit_from(Vec::new(), &model.fit.parameters, &model.fit.locals);
-        model = start.unwrap_or(model);
+        model = afresh(&fits, model);
         exact = exact::search(&fits, &judge, &model, settings, say);
         quick = fits.quickened(&model).quick;
     }
@@ -303,6 +305,27 @@ fn allow_less(study: &mut Study, viscous: &[(usize, f64)]) {
         let bounds = &mut study.entries[study.candidates[c].entries.start].free.bounds;
         bounds.0 = bounds.0.min(-coefficient);
     }
+}
+
+/// Finer steps of integration where those of the declared model are at the edge of their stability; a note where the
+/// finest are.
+fn make_stable(study: &mut Study, scale: &[f64], model: &mut Model) {
+    while !integration::is_stable(&Fits::new(study, scale.to_vec()), model) {
+        if study.substeps >= integration::MAX_STABLE_SUBSTEPS {
+            study.notes.push(format!(
+                "The declared model is too stiff for {} steps of integration per sample: the least change throws it off its way, and what is said here rests on nothing. Give its fastest part more room (friction that changes its sign over a wider velocity), or the records shorter steps with `airloop resample`.",
+                study.substeps
+            ));
+            return;
+        }
+        study.substeps *= 2;
+        *model = afresh(&Fits::new(study, scale.to_vec()), model.clone());
+    }
+}
+
+/// The declared model fitted with other steps of integration.
+fn afresh(fits: &Fits, model: Model) -> Model {
+    fits.fit_from(Vec::new(), &model.fit.parameters, &model.fit.locals).unwrap_or(model)
 }
 
 /// Error of the declared model by output on the estimation records, not less than the noise.

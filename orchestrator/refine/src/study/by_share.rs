@@ -13,6 +13,7 @@ use super::search::{Say, Selection};
 use super::simulate::Piece;
 use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
+use crate::engine::acceptance::percent;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::forward_selection;
@@ -107,8 +108,8 @@ impl Search<'_> {
             }
         }
         let reason = format!(
-            "on validation records it takes away {:.0} % of the error alone, and with the others less than {:.0} %: it explains little without them",
-            100.0 * alone,
+            "on validation records it takes away {} of the error alone, and with the others less than {:.0} %: it explains little without them",
+            percent(alone),
             100.0 * self.settings.forward_selection.min_validated_share
         );
         let name = study.candidates[weak].name();

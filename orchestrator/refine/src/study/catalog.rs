@@ -131,7 +131,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
             return Err("the level does not change in the estimation records, or none is known at the port");
         }
         Law::Outlet | Law::Overflow if position.0 < -0.01 * x || position.1 <= 0.0 => {
-            return Err("it is below zero at times, so that it is no level");
+            return Err("the position at its port is below zero at times, so that it is no level");
         }
         Law::Choked if position.0 <= 0.0 => {
             return Err("the pressure is not above zero at all times, so that it is no absolute one");

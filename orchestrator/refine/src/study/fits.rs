@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::beside::Around;
 use super::declaration::{Initial, InitialWord, Role};
+use super::integration;
 use super::law::Point;
 use super::model::Study;
 use super::remembered::Remembered;
@@ -159,6 +160,7 @@ impl<'a> Fits<'a> {
         let apart = slow.iter().zip(&quick).map(|(a, b)| square(a, b)).sum::<f64>();
         let whole = slow.iter().map(|a| a * a).sum::<f64>();
         self.quick = apart.is_finite() && apart < MAX_ERROR_OF_SECOND_ORDER.powi(2) * whole;
+        self.quick = self.quick && integration::is_stable(&self, model);
         self
     }
 
@@ -338,8 +340,10 @@ impl<'a> Fits<'a> {
         }
         let free = self.free(&model.added);
         let parts: &[f64] = if self.long() { &[0.3, 1.0] } else { &[1.0] };
-        // Folds of whole records lie near the fit to all of them.
-        let around = (self.pieces.len() >= MIN_RECORDS_FOR_WHOLE).then(|| self.around_some(model, 1));
+        // Folds of whole records, and spans that are simulated from the beginning of a record, lie near the fit to all.
+        let from_start = |piece: &Piece| self.study.from_start(&self.study.records[piece.record]);
+        let near = self.pieces.len() >= MIN_RECORDS_FOR_WHOLE || self.pieces.iter().all(from_start);
+        let around = near.then(|| self.around_some(model, 1));
         model.parts = parallel::map(self.folds.len(), |f| {
             let (outside, inside) = &self.folds[f];
             if let Some(found) = around.as_ref().and_then(|around| self.fold_near(model, around, f)) {
@@ -355,17 +359,33 @@ impl<'a> Fits<'a> {
         model.held_out = (logarithms / model.parts.len().max(1) as f64).exp();
     }
 
-    /// Error on a fold of whole records and the parameters without it, from the derivatives around the fit to all; none
-    /// where these do not hold.
+    /// Error on a fold and the parameters without it, from the derivatives around the fit to all; none where these do
+    /// not hold.
     fn fold_near(&self, model: &Model, around: &Around, fold: usize) -> Option<(f64, Vec<f64>)> {
         let (outside, inside) = &self.folds[fold];
         let ng = model.fit.free.len();
         let part = |pieces: &[Piece], first: usize, p: &[f64], free: &[Free]| {
-            let places: Vec<usize> =
-                pieces.iter().filter_map(|own| self.pieces.iter().position(|piece| piece == own)).collect();
-            let columns = places.iter().map(|&r| Columns {
-                residuals: Vec::new(),
-                columns: around.columns[r].columns[first..].to_vec(),
+            let holds = |own: &Piece| {
+                let (span, record) = (&own.range, own.record);
+                let within = |all: &Piece| {
+                    all.record == record && all.range.start <= span.start && span.end <= all.range.end
+                };
+                self.pieces.iter().position(within)
+            };
+            let places: Vec<usize> = pieces.iter().map(holds).collect::<Option<_>>()?;
+            let columns = places.iter().zip(pieces).map(|(&r, own)| {
+                let whole = &self.pieces[r].range;
+                let of_span = |column: &Vec<f64>| -> Vec<f64> {
+                    let outputs = column.chunks_exact(whole.len());
+                    outputs
+                        .flat_map(|all| &all[own.range.start - whole.start..own.range.end - whole.start])
+                        .copied()
+                        .collect()
+                };
+                Columns {
+                    residuals: Vec::new(),
+                    columns: around.columns[r].columns[first..].iter().map(of_span).collect(),
+                }
             });
             let locals: Vec<Vec<f64>> = places.iter().map(|&r| model.fit.locals[r].clone()).collect();
             let view = self.view(&model.added, pieces);

@@ -3,10 +3,17 @@
 use super::fits::{Fits, Model};
 use super::model::Study;
 use super::simulate::{Piece, View};
+use super::tolerance;
 use crate::engine::System;
+use crate::engine::fit::Free;
+use crate::engine::normal::{columns, dot};
 
 /// Steps per sample that are tried.
 const SUBSTEPS: [usize; 3] = [1, 2, 4];
+/// Steps per sample at most.
+const MAX_SUBSTEPS: usize = 2 * SUBSTEPS[SUBSTEPS.len() - 1];
+/// The same where fewer are unstable.
+pub const MAX_STABLE_SUBSTEPS: usize = 2 * MAX_SUBSTEPS;
 /// Error of the integration over the noise of a sensor, rms, up to which it does not show: in sums over 64 samples it
 /// gives less than a twentieth of the power of the noise.
 const MAX_ERROR_OVER_NOISE: f64 = 0.03;
@@ -38,14 +45,14 @@ pub fn substeps(study: &Study) -> usize {
         }
         coarse = fine;
     }
-    2 * SUBSTEPS[SUBSTEPS.len() - 1]
+    MAX_SUBSTEPS
 }
 
 /// Runge-Kutta steps per sample that a model needs, if what it leaves is the error of its integration: friction that it
 /// adds changes its sign faster than anything in the declared model.
 pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
     let study = fits.study;
-    let most = 2 * SUBSTEPS[SUBSTEPS.len() - 1];
+    let most = MAX_SUBSTEPS;
     if study.substeps >= most {
         return None;
     }
@@ -64,6 +71,42 @@ pub fn finer(fits: &Fits, model: &Model) -> Option<usize> {
     let steps = SUBSTEPS.into_iter().filter(|&count| count > study.substeps);
     let enough = |&count: &usize| apart(study, &outputs(count), &finest) <= MAX_ERROR_OVER_NOISE;
     Some(steps.into_iter().find(enough).unwrap_or(most))
+}
+
+/// Size of a derivative on one record, over that on another, from which on it is compared with that of finer steps, and
+/// the ratio of the two from which on the integration is unstable.
+const MAX_RATIO_OF_RECORDS: f64 = 50.0;
+const MAX_RATIO_OF_FINER: f64 = 2.0;
+
+/// Whether the derivatives by parameters and initial states around a model are those of the system, and none of an
+/// integration at the edge of its stability, where the smallest change of a stiff system throws it off its way.
+pub fn is_stable(fits: &Fits, model: &Model) -> bool {
+    let (study, own) = (fits.study, &model.fit);
+    let mut free: Vec<Free> = own.free.clone();
+    let corrections = tolerance::corrections(study, 1.0).into_iter().map(|own| own.0);
+    free.extend(corrections.filter(|more| own.free.iter().all(|known| known.index != more.index)));
+    let view = fits.view(&model.added, &fits.pieces);
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let locals: Vec<&[f64]> = own.locals.iter().map(Vec::as_slice).collect();
+    // Sizes of the derivatives, `[records][free + locals]`.
+    let sizes = |view: &View| -> Vec<Vec<f64>> {
+        let found = columns(view, &records, &own.parameters, &free, &locals, true, None);
+        let root = |column: &Vec<f64>| dot(column, column).sqrt();
+        found.iter().map(|own| own.columns.iter().map(root).collect()).collect()
+    };
+    let found = sizes(&view);
+    let differ = |k: usize| {
+        let own = || found.iter().filter_map(|sizes| sizes.get(k));
+        let least = own().filter(|size| **size > 0.0).fold(f64::INFINITY, |a, b| a.min(*b));
+        own().any(|size| !size.is_finite() || *size > MAX_RATIO_OF_RECORDS * least)
+    };
+    let count = found.iter().map(Vec::len).max().unwrap_or(0);
+    if !(0..count).any(differ) {
+        return true;
+    }
+    let finer = sizes(&View { quick: false, substeps: 2 * view.substeps, ..view });
+    let alike = |(own, finer): (&f64, &f64)| own.is_finite() && *own <= MAX_RATIO_OF_FINER * finer;
+    found.iter().flatten().zip(finer.iter().flatten()).all(alike)
 }
 
 /// Largest rms difference of two simulations over the noise of an output; infinite where one of them diverges.

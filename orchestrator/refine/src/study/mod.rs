@@ -44,6 +44,7 @@ pub mod noise;
 mod numbers;
 mod observability;
 pub mod open;
+mod periods;
 pub mod physical;
 pub mod plan;
 pub mod plant;
