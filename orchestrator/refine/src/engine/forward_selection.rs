@@ -341,6 +341,17 @@ mod tests {
         last: &[usize],
         ask: impl FnOnce(&Question) -> Found,
     ) -> Found {
+        asked_beside(system, tolerance, twin, (last, &[]), ask)
+    }
+
+    /// The same with sets of effects that were `proposed`.
+    fn asked_beside(
+        system: &Wavy,
+        tolerance: f64,
+        twin: bool,
+        (last, proposed): (&[usize], &[(Vec<usize>, Vec<f64>)]),
+        ask: impl FnOnce(&Question) -> Found,
+    ) -> Found {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
         let candidate = |id: &'static str, index: usize| Candidate {
             id,
@@ -366,7 +377,7 @@ mod tests {
             locals: vec![Vec::new(); 4],
             may_join: &|c, _| !last.contains(&c),
             last,
-            proposals: &[],
+            proposals: proposed,
             pairs: true,
             free_forms: &[],
             changes: if twin { 2..2 } else { 1..2 },
@@ -447,6 +458,19 @@ mod tests {
         let (mut added, _) = found(&Wavy::new(40.0, -50.0, 2.0), 1e-3);
         added.sort_unstable();
         assert_eq!(added, [0, 1]);
+    }
+
+    #[test]
+    fn a_proposed_effect_that_lives_on_a_bent_correction_is_none() {
+        // With a slope within its tolerance the square makes 30 (t - t^2); alone it makes the error larger.
+        let system = Wavy::new(30.0, -30.0, 2.0);
+        let ask = |tolerance: f64, ask: fn(&Question) -> Found| {
+            let proposed = [(vec![0], vec![0.0, -30.0, 30.0])];
+            asked_beside(&system, tolerance, false, (&[], &proposed), ask)
+        };
+        let fitted = ask(20.0, |question| refit(question, &[0], &[0.0, -30.0, 30.0]));
+        assert!(fitted.best.fit.chi2 < 0.2 * fitted.base.fit.chi2);
+        assert!(ask(20.0, search).best.added.is_empty());
     }
 
     #[test]
