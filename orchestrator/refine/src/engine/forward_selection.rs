@@ -462,15 +462,15 @@ mod tests {
 
     #[test]
     fn a_proposed_effect_that_lives_on_a_bent_correction_is_none() {
-        // With a slope within its tolerance the square makes 30 (t - t^2); alone it makes the error larger.
-        let system = Wavy::new(30.0, -30.0, 2.0);
+        // With a slope within its tolerance the square makes 60 (t - t^2); alone it makes the error larger.
+        let system = Wavy::new(60.0, -60.0, 2.0);
         let ask = |tolerance: f64, ask: fn(&Question) -> Found| {
-            let proposed = [(vec![0], vec![0.0, -30.0, 30.0])];
+            let proposed = [(vec![0], vec![0.0, -60.0, 60.0])];
             asked_beside(&system, tolerance, false, (&[], &proposed), ask)
         };
-        let fitted = ask(20.0, |question| refit(question, &[0], &[0.0, -30.0, 30.0]));
+        let fitted = ask(40.0, |question| refit(question, &[0], &[0.0, -60.0, 60.0]));
         assert!(fitted.best.fit.chi2 < 0.2 * fitted.base.fit.chi2);
-        assert!(ask(20.0, search).best.added.is_empty());
+        assert!(ask(40.0, search).best.added.is_empty());
     }
 
     #[test]

@@ -125,10 +125,9 @@ impl Run<'_> {
         let left = self.fitted_error(&found.best);
         let taken = |t: &Tried| 1.0 - self.fitted_error(&t.model) / left;
         let least = SHARE_OF_FALL_AT_FIRST * q.settings.min_share_of_rest;
-        let few: Vec<(f64, &Tried)> = tried.iter().take(PAIRED_SINGLES).map(|t| (taken(t), t)).collect();
-        let single = |t: &Tried| (t.model.added.clone(), t.model.fit.parameters.clone());
+        let few = tried.iter().take(PAIRED_SINGLES).filter(|t| taken(t) >= least);
         let mut sets: Vec<Proposal> =
-            few.iter().filter(|(taken, _)| *taken >= least).map(|(_, t)| single(t)).collect();
+            few.map(|t| (t.model.added.clone(), t.model.fit.parameters.clone())).collect();
         sets.extend(self.pairs(&found.best, &tried));
         self.take(found, sets, Demand::Rest)
     }
