@@ -60,11 +60,6 @@ pub fn without(
         }
     }
     let (time, mut channels) = parts(series);
-    let mut at_jumps = vec![false; time.len()];
-    for command in channels.iter().filter(|channel| !columns.contains(&channel.name.as_str())) {
-        let jumps = spikes::beside_jumps(&command.values);
-        at_jumps.iter_mut().zip(jumps).for_each(|(all, own)| *all |= own);
-    }
     for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
         let (places, mut values) = there(&channel.values);
         let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
@@ -84,8 +79,7 @@ pub fn without(
         }
         outliers::bridge(&mut values, &found);
         if states.contains(&channel.name.as_str()) {
-            let beside: Vec<bool> = places.iter().map(|&k| at_jumps[k]).collect();
-            let found = spikes::find(&values, &values, &beside);
+            let found = spikes::find(&values, &values);
             if let Some(first) = found.first() {
                 let first = format!("at {} s", time[places[first.first]]);
                 notes.push(spikes::note(name, &channel.name, found.len(), &first));

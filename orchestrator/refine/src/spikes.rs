@@ -43,33 +43,9 @@ pub fn note(record: &str, column: &str, count: usize, first: &str) -> String {
     }
 }
 
-/// Change of a command from sample to sample that is a jump: over the median of the changes, and over the range.
-const MIN_JUMP: (f64, f64) = (10.0, 0.05);
-
-/// Whether each sample lies at a jump of a command, or beside one: a signal behind it may bend there within a sample.
-pub fn beside_jumps(command: &[f64]) -> Vec<bool> {
-    let (low, high) =
-        command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), u| (a.min(*u), b.max(*u)));
-    let mut sizes: Vec<f64> = command.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    let mut beside = vec![false; command.len()];
-    if sizes.is_empty() {
-        return beside;
-    }
-    let half = sizes.len() / 2;
-    let usual = *sizes.select_nth_unstable_by(half, f64::total_cmp).1;
-    let least = (MIN_JUMP.0 * usual).max(MIN_JUMP.1 * (high - low));
-    for (k, pair) in command.windows(2).enumerate() {
-        if (pair[1] - pair[0]).abs() > least {
-            let last = (k + 3).min(command.len());
-            beside[k.saturating_sub(1)..last].fill(true);
-        }
-    }
-    beside
-}
-
 /// The spikes of a record that `left` shows: the record itself, or what a model leaves of it. Where a model jumps a
-/// sample too early, what it leaves has a spike, and the record none. None is at a sample `beside` a jump of a command.
-pub fn find(left: &[f64], record: &[f64], beside: &[bool]) -> Vec<Outlier> {
+/// sample too early, what it leaves has a spike, and the record none.
+pub fn find(left: &[f64], record: &[f64]) -> Vec<Outlier> {
     let n = left.len();
     if n < 5 {
         return Vec::new();
@@ -80,8 +56,7 @@ pub fn find(left: &[f64], record: &[f64], beside: &[bool]) -> Vec<Outlier> {
     let floor = whole.max(outliers::digit(record));
     let is_spike = |k: &usize| {
         let own = mean[*k].abs();
-        !beside.get(*k).copied().unwrap_or(false)
-            && own > MIN_OVER_SCATTER * floor
+        own > MIN_OVER_SCATTER * floor
             && least[*k].min(least_of_record[*k]) > MIN_EITHER * own
             && least[k - 1].max(least[k + 1]) < MAX_BESIDE * own
             && own > MIN_OVER_SCATTER * outliers::scatter_around(&mean, *k)
@@ -120,28 +95,12 @@ mod tests {
     const NOISE: f64 = 1e-3;
 
     fn find(values: &[f64]) -> Vec<Outlier> {
-        super::find(values, values, &[])
+        super::find(values, values)
     }
 
     fn noisy(count: usize, motion: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut random = Random::new(3);
         (0..count).map(|k| motion(0.01 * k as f64) + NOISE * random.normal()).collect()
-    }
-
-    #[test]
-    fn a_bend_at_a_jump_of_a_command_is_no_spike() {
-        let values: Vec<f64> = noisy(2_000, |t| 0.1 * (0.3 * t).sin())
-            .iter()
-            .enumerate()
-            .map(|(k, y)| y + if k == 700 { 0.02 } else { 0.0 })
-            .collect();
-        let command: Vec<f64> = (0..2_000).map(|k| if k < 700 { 1.0 } else { 3.0 }).collect();
-        let beside = super::beside_jumps(&command);
-        assert_eq!(beside.iter().filter(|own| **own).count(), 4);
-        assert_eq!((find(&values).len(), super::find(&values, &values, &beside).len()), (1, 0));
-        // A command that always moves has no jumps.
-        let moving: Vec<f64> = (0..2_000).map(|k| (0.05 * f64::from(k)).sin()).collect();
-        assert!(!super::beside_jumps(&moving).contains(&true));
     }
 
     #[test]
@@ -173,7 +132,7 @@ mod tests {
         let early = |k: usize| (0.01 * (k + 1) as f64 + 1e-9).floor() % 3.0;
         let left: Vec<f64> = record.iter().enumerate().map(|(k, value)| value - early(k)).collect();
         assert!(left.iter().filter(|own| own.abs() > 0.5).count() > 20);
-        assert_eq!(super::find(&left, &record, &[]), []);
+        assert_eq!(super::find(&left, &record), []);
     }
 
     #[test]

@@ -132,17 +132,16 @@ impl Run<'_> {
         self.take(found, sets, Demand::Rest)
     }
 
-    /// A set of effects, fitted, if it takes away some of what it has to where it is fitted: it takes away no more
-    /// where it is held out.
+    /// A set of effects, fitted; one that has to take most of the rest, if it takes away some of that where it is
+    /// fitted: it takes away no more where it is held out.
     fn promising_set(&self, best: &Model, (set, p): (&[usize], &[f64]), demand: Demand) -> Option<Model> {
         let weights = self.weights(&best.fit.parameters, &best.fit.locals);
-        let fall = match demand {
-            Demand::Each => MIN_FALL_OF_SET.0,
-            Demand::Rest => self.question.settings.min_share_of_rest,
-        };
-        let most = (1.0 - SHARE_OF_FALL_AT_FIRST * fall) * self.fitted_error(best);
+        if demand == Demand::Each {
+            return Some(self.fit(&weights, set, p, &best.fit.locals, ROUNDS));
+        }
+        let fall = SHARE_OF_FALL_AT_FIRST * self.question.settings.min_share_of_rest;
         let first = self.fit(&weights, set, p, &best.fit.locals, FIRST_ROUNDS);
-        if self.fitted_error(&first) > most {
+        if self.fitted_error(&first) > (1.0 - fall) * self.fitted_error(best) {
             return None;
         }
         let (p, locals) = (&first.fit.parameters, &first.fit.locals);
@@ -208,18 +207,19 @@ impl Run<'_> {
             break;
         }
         let extra = model.added.len().saturating_sub(best.added.len()).max(1);
+        let share = (base_error - error) / self.whole_error;
         // As for one effect: several corrections together could do much of what the set does, or it of what they do.
         let error_of = |own: &Model| {
             let p = q.without_corrections(&own.fit.parameters, &own.added);
             self.error_at(&weights, &p, &own.fit.locals)
         };
         let alone = 1.0 - error_of(&model) / error_of(&base);
-        let share = (base_error - error) / self.whole_error;
-        // Effects that no accepted one is among stand by nothing but each other.
-        let anchored = model.added.iter().any(|c| best.added.contains(c));
+        // Effects that no accepted one is among stand by nothing but each other and the corrections.
+        let stands = model.added.iter().any(|c| best.added.contains(c))
+            && alone >= q.settings.min_share_alone
+            || q.corrections.is_empty();
         let enough =
-            anchored && share >= q.settings.min_held_out_share && alone >= q.settings.min_share_alone
-                || alone >= q.settings.min_share_of_correction;
+            stands && share >= q.settings.min_held_out_share || alone >= q.settings.min_share_of_correction;
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
         if !enough || error > most(extra, best_error) || objection.is_some() || known {

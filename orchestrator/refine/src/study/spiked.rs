@@ -28,16 +28,9 @@ pub fn silence(study: &mut Study, declared: &Fit) {
         for (r, piece) in pieces.iter().enumerate() {
             let left = view.residuals(r, &declared.parameters, &locals[r]);
             let (n, record) = (piece.range.len(), &study.records[piece.record]);
-            let mut beside = vec![false; n];
-            for command in
-                record.inputs.iter().zip(&study.held).filter(|own| *own.1).filter_map(|own| own.0.as_ref())
-            {
-                let jumps = spikes::beside_jumps(&command[piece.range.clone()]);
-                beside.iter_mut().zip(jumps).for_each(|(all, own)| *all |= own);
-            }
             for &o in &states {
                 let measured = &record.outputs[o][piece.range.clone()];
-                let own = spikes::find(&left[o * n..(o + 1) * n], measured, &beside);
+                let own = spikes::find(&left[o * n..(o + 1) * n], measured);
                 if !own.is_empty() {
                     found.push((
                         piece.record,
