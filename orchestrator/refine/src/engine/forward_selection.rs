@@ -344,12 +344,15 @@ mod tests {
         asked_beside(system, tolerance, twin, (last, &[]), ask)
     }
 
+    /// Effects and parameters to start from.
+    type Proposed = (Vec<usize>, Vec<f64>);
+
     /// The same with sets of effects that were `proposed`.
     fn asked_beside(
         system: &Wavy,
         tolerance: f64,
         twin: bool,
-        (last, proposed): (&[usize], &[(Vec<usize>, Vec<f64>)]),
+        (last, proposed): (&[usize], &[Proposed]),
         ask: impl FnOnce(&Question) -> Found,
     ) -> Found {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
