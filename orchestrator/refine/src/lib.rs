@@ -19,6 +19,7 @@ mod outliers;
 mod regime;
 pub mod rig;
 pub mod selection_answer;
+pub mod share;
 pub mod sign;
 mod spikes;
 pub mod study;

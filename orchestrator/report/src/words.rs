@@ -6,6 +6,7 @@ use super::names;
 use airloop_refine::answer::{Answer, Correction, Effect, Parameter, Verdict};
 use airloop_refine::evidence::Signal;
 use airloop_refine::law::found::Law;
+use airloop_refine::share::percent;
 
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {
@@ -205,8 +206,6 @@ fn over(own: &Law) -> String {
 /// How much of the error effects and corrections take away, and where the rest is.
 fn share_and_remainder(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let percent =
-        |share: f64| if share > 0.0 { format!("{:.0} %", 100.0 * share) } else { "none".to_owned() };
     let alone = match chosen[..] {
         [one] => one.share.map(|share| format!("It takes away {} of the error", percent(share))),
         _ => None,

@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 use super::forward_selection::Run;
 use super::normal::residuals;
 use super::question::{Step, Tried};
+use crate::share::percent;
 
 impl Run<'_> {
     /// Why a candidate is no effect that matters, if it is none.
@@ -97,9 +98,4 @@ impl Run<'_> {
         };
         step.tried.iter().filter(same).cloned().collect()
     }
-}
-
-/// A share that is taken away, in words.
-pub(crate) fn percent(share: f64) -> String {
-    if share > 0.0 { format!("{:.0} %", 100.0 * share) } else { "none".into() }
 }

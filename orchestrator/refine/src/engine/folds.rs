@@ -20,34 +20,40 @@ impl Run<'_> {
         if q.folds.len() < 2 || stop::asked() {
             return self.fitted_error(model);
         }
-        let (fit, system) = (&model.fit, Weighted::new(q.system, weights));
-        let locals: Vec<&[f64]> = fit.locals.iter().map(Vec::as_slice).collect();
-        let around = columns(&system, &q.records, &fit.parameters, &fit.free, &locals, true, None);
+        let around = self.around(weights, model);
         let squares = q.folds.iter().map(|fold| {
-            let error = self.near_error(&system, model, &around, fold);
+            let error = self.near_error(weights, model, &around, fold);
             let error = error.unwrap_or_else(|| self.error_afresh(weights, model, fold));
             fold.len() as f64 * error.powi(2)
         });
         (squares.sum::<f64>() / q.records.len() as f64).sqrt()
     }
 
-    /// Error on a fold from the derivatives `around` a model, `[records]`; none where these do not hold.
-    fn near_error(
+    /// Residuals and derivatives around a model, `[records]`.
+    pub(super) fn around(&self, weights: &Weights, model: &Model) -> Vec<Columns> {
+        let (q, fit) = (self.question, &model.fit);
+        let locals: Vec<&[f64]> = fit.locals.iter().map(Vec::as_slice).collect();
+        let system = Weighted::new(q.system, weights);
+        columns(&system, &q.records, &fit.parameters, &fit.free, &locals, true, None)
+    }
+
+    /// Error on a fold from the derivatives `around` a model; none where these do not hold.
+    pub(super) fn near_error(
         &self,
-        system: &Weighted,
+        weights: &Weights,
         model: &Model,
         around: &[Columns],
         fold: &[usize],
     ) -> Option<f64> {
         let q = self.question;
-        let shared = model.fit.free.len();
+        let (system, shared) = (Weighted::new(q.system, weights), model.fit.free.len());
         let near = |chosen: &[usize], first: usize, p: &[f64]| {
             let columns = chosen
                 .iter()
                 .map(|&i| Columns { residuals: Vec::new(), columns: around[i].columns[first..].to_vec() });
             let (records, locals) = part(&q.records, &model.fit.locals, chosen);
             let free = &model.fit.free[first..];
-            let found = fit_near(system, &records, p, free, &locals, columns.collect());
+            let found = fit_near(&system, &records, p, free, &locals, columns.collect());
             found.settled.then_some((records, found.fit))
         };
         let rest: Vec<usize> = (0..q.records.len()).filter(|i| !fold.contains(i)).collect();
@@ -61,7 +67,7 @@ impl Run<'_> {
     }
 
     /// Error on a fold from a fit without it.
-    fn error_afresh(&self, weights: &Weights, model: &Model, fold: &[usize]) -> f64 {
+    pub(super) fn error_afresh(&self, weights: &Weights, model: &Model, fold: &[usize]) -> f64 {
         let q = self.question;
         let rest: Vec<usize> = (0..q.records.len()).filter(|i| !fold.contains(i)).collect();
         let (records, locals) = part(&q.records, &model.fit.locals, &rest);

@@ -464,6 +464,26 @@ mod tests {
     }
 
     #[test]
+    fn a_fold_near_the_fit_to_all_has_the_error_of_a_fit_without_it() {
+        asked_about(&Wavy::new(3.0, 40.0, 6.0), 1.0, true, &[], |question| {
+            let run = Run::new(question);
+            let weights = run.weights(question.declared, &question.locals);
+            let model = run.fit(&weights, &[0], question.declared, &question.locals, ROUNDS);
+            let around = run.around(&weights, &model);
+            for fold in &question.folds {
+                let near = run.near_error(&weights, &model, &around, fold).unwrap();
+                let afresh = run.error_afresh(&weights, &model, fold);
+                // Beyond the error there of the fit to all, which has seen it.
+                let p = &model.fit.parameters;
+                let seen = question.held_out.error_from(p, fold, &question.locals);
+                assert!(afresh > seen, "{afresh} {seen}");
+                assert!((near - afresh).abs() < 0.05 * (afresh - seen), "{near} {afresh} {seen}");
+            }
+            search(question)
+        });
+    }
+
+    #[test]
     fn a_proposed_effect_that_lives_on_a_bent_correction_is_none() {
         // With a slope within its tolerance the square makes 60 (t - t^2); alone it makes the error larger.
         let system = Wavy::new(60.0, -60.0, 2.0);

@@ -1,6 +1,6 @@
 //! Search for missing effects in any [`System`]: fits, goodness of fit, selection. Knows no physics.
 
-pub mod acceptance;
+mod acceptance;
 pub mod candidate;
 pub mod corrected;
 mod exchange;

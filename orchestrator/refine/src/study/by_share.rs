@@ -13,13 +13,13 @@ use super::search::{Say, Selection};
 use super::simulate::Piece;
 use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
-use crate::engine::acceptance::percent;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
 use crate::engine::forward_selection;
 use crate::engine::held_out::HeldOut;
 use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
+use crate::share::percent;
 
 /// Records up to which spans of them are held out instead of whole ones.
 const MAX_RECORDS_FOR_SPANS: usize = 2;

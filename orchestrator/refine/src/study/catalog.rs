@@ -104,6 +104,10 @@ enum Entrance {
 const SIGN_CHANGE: f64 = 0.01;
 /// Steps of a rounded value between zero and its largest that are looked for at most: finer ones are next to noise.
 const MAX_LEVELS: f64 = 16.0;
+/// Periods within the travel up to which all are starts; shorter ones are proposed by [`super::periods`].
+const MAX_TURNS: f64 = 25.0;
+/// Difference of the numbers of periods of neighbors: a third of a turn over the travel.
+pub(super) const STEP_OF_TURNS: f64 = 0.35;
 /// Difference between starts in such steps: rounding to one of them and to the next have little in common.
 const LEVELS_BETWEEN_STARTS: f64 = 0.4;
 
@@ -184,12 +188,11 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
             inside.map(|part| vec![0.0, 0.0, position.0 + part * x]).into()
         }
         Law::Cogging => {
-            // Neighbors differ by a third of a turn over the travel.
             let mut grid = Vec::new();
             let mut period = x;
-            while period > x / 25.0 {
+            while period > x / MAX_TURNS {
                 grid.push(vec![0.0, 0.0, period]);
-                period = 1.0 / (1.0 / period + 0.35 / x);
+                period = 1.0 / (1.0 / period + STEP_OF_TURNS / x);
             }
             grid
         }

@@ -4,9 +4,9 @@ use super::fits::{Fits, Model};
 use super::model::Study;
 use super::simulate::{Piece, View};
 use super::tolerance;
-use crate::engine::System;
 use crate::engine::fit::Free;
 use crate::engine::normal::{columns, dot};
+use crate::engine::{System, stop};
 
 /// Steps per sample that are tried.
 const SUBSTEPS: [usize; 3] = [1, 2, 4];
@@ -80,7 +80,12 @@ const MAX_RATIO_OF_FINER: f64 = 2.0;
 
 /// Whether the derivatives by parameters and initial states around a model are those of the system, and none of an
 /// integration at the edge of its stability, where the smallest change of a stiff system throws it off its way.
+///
+/// A search that is asked to end does not look.
 pub fn is_stable(fits: &Fits, model: &Model) -> bool {
+    if stop::asked() {
+        return true;
+    }
     let (study, own) = (fits.study, &model.fit);
     let mut free: Vec<Free> = own.free.clone();
     let corrections = tolerance::corrections(study, 1.0).into_iter().map(|own| own.0);
@@ -101,7 +106,7 @@ pub fn is_stable(fits: &Fits, model: &Model) -> bool {
         own().any(|size| !size.is_finite() || *size > MAX_RATIO_OF_RECORDS * least)
     };
     let count = found.iter().map(Vec::len).max().unwrap_or(0);
-    if !(0..count).any(differ) {
+    if !(0..count).any(differ) || stop::asked() {
         return true;
     }
     let finer = sizes(&View { quick: false, substeps: 2 * view.substeps, ..view });

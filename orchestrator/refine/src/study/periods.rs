@@ -6,16 +6,16 @@
 //! periods. So the residual is compared, block by block and without its parabola, with integrals of sine
 //! and cosine along the way. The best periods become starts of the candidate, which the search judges as any other.
 
+use super::catalog::STEP_OF_TURNS;
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Study};
-use crate::engine::{System, parallel};
+use crate::engine::{System, parallel, stop};
 use crate::law::study::motion;
 
-/// Periods within the travel: from here on the starts of the vocabulary are too coarse, and at most so many.
+/// Numbers of periods within the travel that are compared: the least is some below the most of the catalog, so that a
+/// peak there has neighbors.
 const TURNS: (f64, f64) = (20.0, 600.0);
-/// Difference of the numbers of periods that are compared: neighbors differ by a third of a turn over the travel.
-const STEP_OF_TURNS: f64 = 0.35;
 /// Samples in which the motion goes on by a period, on average, at least.
 const MIN_SAMPLES_PER_PERIOD: f64 = 4.0;
 /// Periods in a block, and its samples at least.
@@ -41,7 +41,7 @@ pub fn propose(study: &mut Study, scale: &[f64], declared: &Model) {
     let is_periodic =
         |c: &usize| matches!(study.candidates[*c].action, Action::Block { law: Law::Cogging, .. });
     let periodic: Vec<usize> = (0..study.candidates.len()).filter(is_periodic).collect();
-    if periodic.is_empty() {
+    if periodic.is_empty() || stop::asked() {
         return;
     }
     let found: Vec<Vec<f64>> = {
