@@ -185,6 +185,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(exit(&found))
 }
 
+/// A command has no position; it shows the state that it moves most.
+const PLAN_HEADER: [&str; 4] = ["port", "velocity", "position or state", "effects"];
+
 /// Prints what a search would look for.
 fn plan(path: &Path) -> Result<ExitCode, Error> {
     let Some(file) = study::find(path)? else {
@@ -209,8 +212,7 @@ fn plan(path: &Path) -> Result<ExitCode, Error> {
             ]
         })
         .collect();
-    let mut text =
-        format!("{}\n", super::table::table(&["port", "velocity", "position", "effects"], &rows, &[]));
+    let mut text = format!("{}\n", super::table::table(&PLAN_HEADER, &rows, &[]));
     let rows: Vec<Vec<String>> =
         found.sensors.iter().map(|(name, kinds)| vec![name.clone(), kinds.join(", ")]).collect();
     if !rows.is_empty() {

@@ -60,6 +60,11 @@ pub fn without(
         }
     }
     let (time, mut channels) = parts(series);
+    let mut behind = vec![false; time.len()];
+    for command in channels.iter().filter(|channel| !columns.contains(&channel.name.as_str())) {
+        let jumps = spikes::behind_jumps(&command.values);
+        behind.iter_mut().zip(jumps).for_each(|(all, own)| *all |= own);
+    }
     for channel in channels.iter_mut().filter(|channel| columns.contains(&channel.name.as_str())) {
         let (places, mut values) = there(&channel.values);
         let unit = channel.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
@@ -79,7 +84,8 @@ pub fn without(
         }
         outliers::bridge(&mut values, &found);
         if states.contains(&channel.name.as_str()) {
-            let found = spikes::find(&values, &values);
+            let behind: Vec<bool> = places.iter().map(|&k| behind[k]).collect();
+            let found = spikes::find(&values, &values, &behind);
             if let Some(first) = found.first() {
                 let first = format!("at {} s", time[places[first.first]]);
                 notes.push(spikes::note(name, &channel.name, found.len(), &first));

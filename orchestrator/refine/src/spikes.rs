@@ -43,9 +43,62 @@ pub fn note(record: &str, column: &str, count: usize, first: &str) -> String {
     }
 }
 
+/// Change of a command from sample to sample that is a jump: over the median of the changes, and over the range.
+const MIN_JUMP: (f64, f64) = (10.0, 0.05);
+/// Samples from a jump on that a signal behind the command may bend in.
+const BEND: usize = 3;
+/// Probability that as many spikes lie behind jumps by chance, below which they are bends of the signal.
+const MIN_CHANCE: f64 = 0.05;
+
+/// Whether each sample lies behind a jump of a command: a signal may bend there within a sample.
+pub fn behind_jumps(command: &[f64]) -> Vec<bool> {
+    let (low, high) =
+        command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), u| (a.min(*u), b.max(*u)));
+    let mut sizes: Vec<f64> = command.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let mut behind = vec![false; command.len()];
+    if sizes.is_empty() {
+        return behind;
+    }
+    let half = sizes.len() / 2;
+    let usual = *sizes.select_nth_unstable_by(half, f64::total_cmp).1;
+    let least = (MIN_JUMP.0 * usual).max(MIN_JUMP.1 * (high - low));
+    for (k, pair) in command.windows(2).enumerate() {
+        if (pair[1] - pair[0]).abs() > least {
+            let last = (k + 1 + BEND).min(command.len());
+            behind[k + 1..last].fill(true);
+        }
+    }
+    behind
+}
+
 /// The spikes of a record that `left` shows: the record itself, or what a model leaves of it. Where a model jumps a
-/// sample too early, what it leaves has a spike, and the record none.
-pub fn find(left: &[f64], record: &[f64]) -> Vec<Outlier> {
+/// sample too early, what it leaves has a spike, and the record none. Samples `behind` a jump of a command are spikes
+/// only where as many may lie there by chance: sensors fail whatever the command does.
+pub fn find(left: &[f64], record: &[f64], behind: &[bool]) -> Vec<Outlier> {
+    let mut found = candidates(left, record);
+    let is_behind = |own: &Outlier| behind.get(own.first).copied().unwrap_or(false);
+    let count = found.iter().filter(|own| is_behind(own)).count();
+    let share = behind.iter().filter(|own| **own).count() as f64 / behind.len().max(1) as f64;
+    if chance(found.len(), count, share) < MIN_CHANCE {
+        found.retain(|own| !is_behind(own));
+    }
+    found
+}
+
+/// Probability that at least `least` of `count` independent events happen, each with probability `p`.
+fn chance(count: usize, least: usize, p: f64) -> f64 {
+    let mut choices = 1.0;
+    let mut sum = 0.0;
+    for k in 0..=count {
+        if k >= least {
+            sum += choices * p.powi(k as i32) * (1.0 - p).powi((count - k) as i32);
+        }
+        choices *= (count - k) as f64 / (k + 1) as f64;
+    }
+    sum
+}
+
+fn candidates(left: &[f64], record: &[f64]) -> Vec<Outlier> {
     let n = left.len();
     if n < 5 {
         return Vec::new();
@@ -95,12 +148,43 @@ mod tests {
     const NOISE: f64 = 1e-3;
 
     fn find(values: &[f64]) -> Vec<Outlier> {
-        super::find(values, values)
+        super::find(values, values, &[])
     }
 
     fn noisy(count: usize, motion: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut random = Random::new(3);
         (0..count).map(|k| motion(0.01 * k as f64) + NOISE * random.normal()).collect()
+    }
+
+    #[test]
+    fn bends_behind_jumps_of_a_command_are_no_spikes_and_spikes_at_any_sample_are() {
+        let with_spikes = |places: &[usize]| -> Vec<f64> {
+            let mut values = noisy(2_000, |t| 0.1 * (0.3 * t).sin());
+            places.iter().for_each(|&k| values[k] += 0.02);
+            values
+        };
+        let command = |period: usize| -> Vec<f64> { (0..2_000).map(|k| (k / period % 2) as f64).collect() };
+        let count = |places: &[usize], period: usize| {
+            let values = with_spikes(places);
+            super::find(&values, &values, &super::behind_jumps(&command(period))).len()
+        };
+        assert_eq!(count(&[700], 100), 0);
+        assert_eq!(count(&[700, 900, 1101], 100), 0);
+        assert_eq!(count(&[650, 950, 1150], 100), 3);
+        // One of ten may lie behind one of 20 jumps by chance; one of three may where a third of all samples do.
+        assert_eq!(count(&[150, 250, 350, 450, 550, 650, 700, 850, 950, 1050], 100), 10);
+        assert_eq!(count(&[700, 905, 1107], 9), 3);
+        // A command that always moves has no jumps.
+        let moving: Vec<f64> = (0..2_000).map(|k| (0.05 * f64::from(k)).sin()).collect();
+        assert!(!super::behind_jumps(&moving).contains(&true));
+    }
+
+    #[test]
+    fn the_chance_is_that_of_the_binomial_distribution() {
+        assert!((super::chance(3, 2, 0.5) - 0.5).abs() < 1e-12);
+        assert!((super::chance(10, 1, 0.06) - (1.0 - 0.94f64.powi(10))).abs() < 1e-12);
+        assert!((super::chance(4, 0, 0.3) - 1.0).abs() < 1e-12);
+        assert!((super::chance(0, 0, 0.0) - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -132,7 +216,7 @@ mod tests {
         let early = |k: usize| (0.01 * (k + 1) as f64 + 1e-9).floor() % 3.0;
         let left: Vec<f64> = record.iter().enumerate().map(|(k, value)| value - early(k)).collect();
         assert!(left.iter().filter(|own| own.abs() > 0.5).count() > 20);
-        assert_eq!(super::find(&left, &record), []);
+        assert_eq!(super::find(&left, &record, &[]), []);
     }
 
     #[test]

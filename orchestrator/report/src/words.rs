@@ -140,6 +140,9 @@ fn answered(answer: &Answer) -> String {
         (Verdict::Unexplained, Some(moving)) if answer.cylinder => {
             format!("{moving} Nothing else is missing.")
         }
+        (Verdict::Nothing, _) if !answer.corrections.is_empty() => {
+            "Nothing is missing: with corrections of declared parameters within their tolerances, what the model leaves is sensor noise.".into()
+        }
         (Verdict::Nothing, _) => "Nothing is missing: what the declared model leaves is sensor noise.".into(),
         (Verdict::Effect, None) if !answer.complete && answer.share.is_some() => {
             format!("The declared model lacks {list}. {}", share_and_remainder(answer))

@@ -120,8 +120,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         let aim = Aim::Noise { max_tolerances };
         law::explain(&mut study, &scale, (&judge, base), &mut found, aim, say).map(|law| (found, law))
     };
-    let (selection, mut found, with_law) = match by_law {
-        Some((found, law)) => (selection, found, Some(law)),
+    let (selection, mut found, with_law, corrected) = match by_law {
+        Some((found, law)) => (selection, found, Some(law), None),
         None => {
             let fits = Fits::new(&study, scale.clone());
             let search = by_share::Search { fits: &fits, judge: &judge, units: &scale, settings, say };
@@ -153,7 +153,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
             let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
-            (selection, found, law)
+            let corrected = by_share.filter(|_| found.verdict != Verdict::Effect).map(|own| own.corrected);
+            (selection, found, law, corrected)
         }
     };
     let (selection, with_law) = match with_law {
@@ -186,7 +187,11 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     }
     let fits = Fits::new(&study, scale);
     say("figures");
-    let shown = if found.verdict == Verdict::Effect { &selection.best } else { &selection.declared };
+    let shown = match &corrected {
+        _ if found.verdict == Verdict::Effect => &selection.best,
+        Some(corrected) if !found.corrections.is_empty() => corrected,
+        _ => &selection.declared,
+    };
     let shown = with_law.as_ref().filter(|_| !refused).unwrap_or(shown);
     resolution::add(&fits, &selection, shown, &mut found);
     let finer = if found.complete { None } else { integration::finer(&fits, shown) };
@@ -259,8 +264,8 @@ fn listed_instead(
     (listed, None)
 }
 
-/// The weakest effect that explains little without the other effects, and the share of the error on validation records
-/// that it takes away alone. Where all is explained, each is needed. Coulomb friction needed by nothing but the search
+/// The weakest effect that explains little without the other effects, or that may be zero by the interval of its first
+/// parameter, and the share of the error on validation records that it takes away alone. Where all is explained, each is needed. Coulomb friction needed by nothing but the search
 /// for another friction comes last; that on which presliding acts stays.
 fn weakest_dependent(
     search: &by_share::Search,
@@ -273,13 +278,18 @@ fn weakest_dependent(
     }
     let needing = |c: usize| added.iter().map(|&o| &study.candidates[o]).filter(move |o| o.needs == Some(c));
     let softened = |c: usize| added.iter().any(|&other| study.candidates[other].acts_only_on(c));
-    let shares = found.effects.iter().filter(|effect| effect.selected).map(|effect| effect.share);
     let least = search.settings.forward_selection.min_validated_share;
+    let is_weak = |effect: &Effect, share: f64| {
+        let interval = effect.parameters.first().map(|own| own.interval);
+        share < least || interval.is_some_and(|(low, high)| low < 0.0 && 0.0 < high)
+    };
     order(search.fits, selection)
         .into_iter()
-        .zip(shares)
-        .filter_map(|(c, share)| Some((c, share?)))
-        .filter(|&(c, share)| share < least && !softened(c))
+        .zip(found.effects.iter().filter(|effect| effect.selected))
+        .filter_map(|(c, effect)| {
+            effect.share.filter(|share| is_weak(effect, *share)).map(|share| (c, share))
+        })
+        .filter(|&(c, _)| !softened(c))
         .min_by(|a, b| (needing(a.0).count().cmp(&needing(b.0).count())).then(a.1.total_cmp(&b.1)))
 }
 
@@ -392,6 +402,19 @@ fn model(fits: &Fits, p: &[f64], locals: &[Vec<f64>]) -> Model {
     Model::new(Vec::new(), found, error)
 }
 
+/// The model of an answer, with what is printed of it.
+struct Shown<'a> {
+    model: &'a Model,
+    parameters: Vec<f64>,
+    /// Errors on estimation and validation records.
+    errors: [Errors; 2],
+    /// What noise gives on validation records, by output.
+    floor: BTreeMap<String, f64>,
+    /// Share of the error on validation records that it takes away.
+    share: Option<f64>,
+    corrections: Vec<Correction>,
+}
+
 fn assemble(
     fits: &Fits,
     judge: &Judge,
@@ -418,23 +441,25 @@ fn assemble(
         (own.parameters, found)
     };
     let (declared, before) = stop::finish(|| all(&selection.declared));
-    let (best, mut after) = stop::finish(|| all(&selection.best));
-    let floors =
-        [&selection.declared, &selection.best].map(|model| floor(fits, model, Role::Validation, seed));
-    let share = share(study, [&before[1], &after[1]], &floors);
+    let (best, after) = stop::finish(|| all(&selection.best));
+    let on_validation = |model: &Model| floor(fits, model, Role::Validation, seed);
+    let (of_declared, of_best) = (on_validation(&selection.declared), on_validation(&selection.best));
+    let taken = |after: &Errors, floor: &BTreeMap<String, f64>| {
+        share(study, [&before[1], after], &[of_declared.clone(), floor.clone()])
+    };
+    let share = taken(&after[1], &of_best);
     let Ruling { verdict, rest, helps } = match by_share {
         Some(found) => rule_by_share(fits, judge, found, share, &settings.forward_selection),
-        None => rule(fits, judge, selection, [&before[1], &after[1]], &floors[0], share),
+        None => rule(fits, judge, selection, [&before[1], &after[1]], &of_declared, share),
     };
     let chosen = verdict == Verdict::Effect;
     let mut effects = effects(fits, selection, chosen, by_share);
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }
-    let printed = [declared.clone(), if chosen { best } else { declared }];
     if chosen {
-        as_printed(study, selection, &printed[1], &mut effects);
-        let shares = stop::finish(|| alone(fits, selection, &before[1], &floors[0]));
+        as_printed(study, selection, &best, &mut effects);
+        let shares = stop::finish(|| alone(fits, selection, &before[1], &of_declared));
         for (effect, share) in effects.iter_mut().filter(|effect| effect.selected).zip(shares) {
             effect.share = Some(share);
             effect.reason = if share > 0.0 {
@@ -453,42 +478,61 @@ fn assemble(
         for effect in effects.iter_mut().take(selection.best.added.len()) {
             why.clone_into(&mut effect.reason);
         }
-        after = before.clone();
     }
+    // Without effects: the declared model with its corrections, where validation records bear them out.
+    let with_corrections = || {
+        let found = by_share.filter(|found| !found.corrections.is_empty())?;
+        let model = &found.corrected;
+        let ((parameters, errors), floor) = (stop::finish(|| all(model)), on_validation(model));
+        let share = taken(&errors[1], &floor);
+        let corrections = by_share::corrections_beside(study, model, &found.corrections);
+        let stands = verdict == Verdict::Nothing || share >= settings.forward_selection.min_validated_share;
+        stands.then_some(Shown { model, parameters, errors, floor, share: Some(share), corrections })
+    };
+    let shown = if chosen {
+        let model = &selection.best;
+        let corrections =
+            by_share.map_or_else(|| corrections(study, selection, model), |found| found.corrections.clone());
+        Shown { model, parameters: best, errors: after, floor: of_best, share: Some(share), corrections }
+    } else {
+        with_corrections().unwrap_or_else(|| {
+            let model = &selection.declared;
+            let corrections = by_share.map_or_else(|| corrections(study, selection, model), |_| Vec::new());
+            let (parameters, errors) = (declared.clone(), before.clone());
+            Shown { model, parameters, errors, floor: of_declared.clone(), share: None, corrections }
+        })
+    };
     let outputs = || study.outputs.iter();
     let mut noise: BTreeMap<String, f64> = outputs().map(|o| (o.name.clone(), o.noise)).collect();
     if let Some((.., name)) = &study.force {
         noise.insert(name.clone(), force_noise(study));
     }
-    let shown = if chosen { &selection.best } else { &selection.declared };
-    let [of_declared, of_best] = floors;
-    let floor = [floor(fits, shown, Role::Estimation, seed), if chosen { of_best } else { of_declared }];
-    let shown_errors = if chosen { &after[1] } else { &before[1] };
-    let mut notes = notes(fits, selection, shown, (shown_errors, &floor[1]));
-    notes.extend(remarks::noise(judge, shown));
-    notes.extend(remarks::leftover(fits, judge, shown, &rest));
+    let model = shown.model;
+    let floor = [floor(fits, model, Role::Estimation, seed), shown.floor];
+    let mut notes = notes(fits, selection, model, (&shown.errors[1], &floor[1]));
+    notes.extend(remarks::noise(judge, model));
+    notes.extend(remarks::leftover(fits, judge, model, &rest));
     let unexplained = (verdict == Verdict::Unexplained)
         .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {
         verdict,
         effects,
         unexplained,
-        complete: judge.explained(fits, by_share.filter(|_| !chosen).map_or(shown, |found| &found.corrected)),
-        corrections: by_share
-            .map_or_else(|| corrections(study, selection, shown), |found| found.corrections.clone()),
+        complete: judge.explained(fits, model),
+        corrections: shown.corrections,
         steps: by_share.map_or_else(|| steps::held_out(study, selection), |found| found.steps.clone()),
         by_share: by_share.is_some(),
         sample_time: study.records.iter().map(|record| record.step).fold(f64::INFINITY, f64::min),
         left_at: left_at(judge, &rest),
         partial: stop::ended(),
-        share: chosen.then_some(share),
+        share: shown.share,
         share_of_free_form: by_share.and_then(|found| found.free_form.as_ref()).map(|form| form.2),
-        fitted: fitted(study, &printed[1]),
+        fitted: fitted(study, &shown.parameters),
         limit: judge.limit(),
-        parameters: printed,
-        left: [judge.left(fits, &selection.declared), judge.left(fits, shown)],
+        parameters: [declared, shown.parameters],
+        left: [judge.left(fits, &selection.declared), judge.left(fits, model)],
         before,
-        after,
+        after: shown.errors,
         noise,
         floor,
         not_testable: study.not_testable.clone(),

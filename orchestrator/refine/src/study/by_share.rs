@@ -107,11 +107,18 @@ impl Search<'_> {
                 again = other;
             }
         }
-        let reason = format!(
-            "on validation records it takes away {} of the error alone, and with the others less than {:.0} %: it explains little without them",
-            percent(alone),
-            100.0 * self.settings.forward_selection.min_validated_share
-        );
+        let least = self.settings.forward_selection.min_validated_share;
+        let together = format!("with the others less than {:.0} %", 100.0 * least);
+        let reason = if alone < least {
+            format!(
+                "on validation records it takes away {} of the error alone, and {together}: it explains little without them",
+                percent(alone)
+            )
+        } else {
+            format!(
+                "its 95 % interval holds zero, and {together} of the error on validation records needs it"
+            )
+        };
         let name = study.candidates[weak].name();
         let mut steps = found.steps.clone();
         let tried = steps.iter_mut().flat_map(|step| &mut step.candidates);
@@ -139,6 +146,18 @@ impl Search<'_> {
         let starts: Vec<Vec<f64>> = values.iter().map(start).collect();
         let more = (more, *values.first()?);
         self.ask(&found.selection, Some(more), |question, _| {
+            forward_selection::fitted_from(question, &found.added, &starts)
+        })
+    }
+
+    /// The same of the effects alone, from other `starts` than the parameters they have.
+    pub fn fitted_from(
+        &self,
+        found: &ByShare,
+        starts: impl FnOnce(&[f64]) -> Vec<Vec<f64>>,
+    ) -> Option<Vec<f64>> {
+        let starts = starts(&found.selection.best.fit.parameters);
+        self.ask(&found.selection, None, |question, _| {
             forward_selection::fitted_from(question, &found.added, &starts)
         })
     }

@@ -47,7 +47,8 @@ pub fn settle(study: &mut Study, scale: &[f64], judge: &Judge, selection: Select
 }
 
 /// Effects found for their share of the error with the velocity over which friction changes its sign that fits them
-/// best, where friction of the list stands without the Coulomb friction that would have it; none where nothing changes.
+/// best: where friction of the list stands without the Coulomb friction that would have it, and where a fit from other
+/// velocities leaves less; none where nothing changes.
 pub fn fitted(
     study: &mut Study,
     scale: &[f64],
@@ -74,7 +75,23 @@ pub fn fitted(
             study.taps[tap].vt = usual;
         }
     }
+    let own = better.as_ref().unwrap_or(found);
+    if let Some((coulomb, ..)) = beside(study, &own.selection.best) {
+        let entry = study.candidates[coulomb].entries.start + 1;
+        let fits = Fits::new(study, scale.to_vec());
+        let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
+        let again =
+            search.fitted_from(own, |p| STARTS.map(|ratio| with(p, entry, ratio * p[entry])).to_vec());
+        let again = again.map(|p| search.fitted(own, &own.added, &p));
+        better = again.filter(|again| again.selection.best.error < own.selection.best.error).or(better);
+    }
     better
+}
+
+fn with(p: &[f64], entry: usize, value: f64) -> Vec<f64> {
+    let mut own = p.to_vec();
+    own[entry] = value;
+    own
 }
 
 /// Sentences on the velocities of sign changes that were fitted with friction that stands without Coulomb friction.

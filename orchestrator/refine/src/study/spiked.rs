@@ -28,15 +28,21 @@ pub fn silence(study: &mut Study, declared: &Fit) {
         for (r, piece) in pieces.iter().enumerate() {
             let left = view.residuals(r, &declared.parameters, &locals[r]);
             let (n, record) = (piece.range.len(), &study.records[piece.record]);
+            let mut behind = vec![false; n];
+            for command in
+                record.inputs.iter().zip(&study.held).filter(|own| *own.1).filter_map(|own| own.0.as_ref())
+            {
+                let jumps = spikes::behind_jumps(&command[piece.range.clone()]);
+                behind.iter_mut().zip(jumps).for_each(|(all, own)| *all |= own);
+            }
             for &o in &states {
                 let measured = &record.outputs[o][piece.range.clone()];
-                let own = spikes::find(&left[o * n..(o + 1) * n], measured);
-                if !own.is_empty() {
-                    found.push((
-                        piece.record,
-                        o,
-                        own.iter().map(|spike| piece.range.start + spike.first).collect(),
-                    ));
+                let own = spikes::find(&left[o * n..(o + 1) * n], measured, &behind);
+                let counts = |k: &usize| record.measured[o].as_ref().is_none_or(|counts| counts[*k]);
+                let places: Vec<usize> =
+                    own.iter().map(|spike| piece.range.start + spike.first).filter(counts).collect();
+                if !places.is_empty() {
+                    found.push((piece.record, o, places));
                 }
             }
         }
