@@ -35,53 +35,70 @@ pub fn columns<S: System + ?Sized>(
     local_columns: bool,
     known: Option<Vec<&[f64]>>,
 ) -> Vec<Columns> {
+    let fast = parallel::map(records.len(), |i| system.derivatives(records[i], p, locals[i], free));
     let mut jobs = Vec::new();
-    // Record and length of the difference step of every job; none: no step, at the place of the record's residuals.
+    // Record of every job, and place and length of the difference step; none: no step, the record's residuals.
     let mut places = Vec::new();
-    // Columns of local parameters that act on nothing: record and place.
-    let mut idle = Vec::new();
-    for (i, (&record, own)) in records.iter().zip(locals).enumerate() {
+    // Columns that need no simulation: record, place, derivative; none: of local parameters that act on nothing.
+    let mut given = Vec::new();
+    for (i, ((&record, own), fast)) in records.iter().zip(locals).zip(fast).enumerate() {
         let job = Job { record, parameters: p.to_vec(), locals: own.to_vec() };
+        let (mut shared, begins) = fast.map_or((Vec::new(), None), |own| (own.shared, own.locals));
         if known.is_none() {
             jobs.push(job.clone());
             places.push((i, None));
         }
-        for f in free {
+        for (k, f) in free.iter().enumerate() {
+            if let Some(column) = shared.get_mut(k).and_then(Option::take) {
+                given.push((i, k, Some(column)));
+                continue;
+            }
             // A step inwards from the upper bound.
             let step = if p[f.index] + f.step > f.bounds.1 { -f.step } else { f.step };
             let mut moved = job.clone();
             moved.parameters[f.index] += step;
             jobs.push(moved);
-            places.push((i, Some(step)));
+            places.push((i, Some((k, step))));
         }
+        let mut begins = begins.map(Vec::into_iter);
         for (local, (_, step)) in system.locals(record).into_iter().enumerate().filter(|_| local_columns) {
-            if step == 0.0 {
-                idle.push((i, free.len() + local));
+            let k = free.len() + local;
+            let column = begins.as_mut().and_then(Iterator::next);
+            if step == 0.0 || column.is_some() {
+                given.push((i, k, column.filter(|_| step != 0.0)));
                 continue;
             }
             let mut moved = job.clone();
             moved.locals[local] += step;
             jobs.push(moved);
-            places.push((i, Some(step)));
+            places.push((i, Some((k, step))));
         }
     }
     let start = |residuals: &[f64]| Columns { residuals: residuals.to_vec(), columns: Vec::new() };
     let mut found: Vec<Columns> = known.unwrap_or_default().into_iter().map(start).collect();
     let simulated = parallel::residuals_until_asked(system, &jobs, |job| places[job].1.is_none());
+    let put = |own: &mut Columns, k: usize, column: Vec<f64>| {
+        if own.columns.len() <= k {
+            own.columns.resize(k + 1, Vec::new());
+        }
+        own.columns[k] = column;
+    };
     for (residuals, (i, step)) in simulated.into_iter().zip(places) {
-        let Some(step) = step else {
+        let Some((k, step)) = step else {
             found.push(Columns { residuals: residuals.unwrap_or_default(), columns: Vec::new() });
             continue;
         };
         let own = &mut found[i];
-        own.columns.push(match residuals {
+        let column = match residuals {
             Some(moved) => moved.iter().zip(&own.residuals).map(|(a, b)| (a - b) / step).collect(),
             None => vec![0.0; own.residuals.len()],
-        });
+        };
+        put(own, k, column);
     }
-    for (i, place) in idle {
-        let zeros = vec![0.0; found[i].residuals.len()];
-        found[i].columns.insert(place, zeros);
+    for (i, k, column) in given {
+        let own = &mut found[i];
+        let column = column.unwrap_or_else(|| vec![0.0; own.residuals.len()]);
+        put(own, k, column);
     }
     found
 }

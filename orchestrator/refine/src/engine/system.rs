@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::fit::Free;
 use super::noise::Noise;
 
 /// A declared system with candidate effects, and the records made with it.
@@ -38,11 +39,30 @@ pub trait System: Sync {
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
     }
+    /// Derivatives of the whitened residuals that a system has without a simulation for each; none: it has none.
+    fn derivatives(
+        &self,
+        _record: usize,
+        _parameters: &[f64],
+        _locals: &[f64],
+        _free: &[Free],
+    ) -> Option<Derivatives> {
+        None
+    }
     /// Whitened residuals of several simulations, which a system may run side by side; each is what
     /// [`System::residuals`] gives, to the last bit.
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         jobs.iter().map(|job| self.residuals(job.record, &job.parameters, &job.locals)).collect()
     }
+}
+
+/// Derivatives of the whitened residuals of a record, each laid out as they are.
+#[derive(Debug, Clone)]
+pub struct Derivatives {
+    /// By the free parameters; none: not known.
+    pub shared: Vec<Option<Vec<f64>>>,
+    /// By all local parameters; none: not known.
+    pub locals: Option<Vec<Vec<f64>>>,
 }
 
 /// A simulation that is asked for.

@@ -22,6 +22,8 @@ use crate::vocabulary::own::Parameter as OwnParameter;
 pub const MIN_SHARE_OF_FREE_FORM: f64 = 0.95;
 /// Formulas whose stability over parts of the records is asked for.
 const JUDGED: usize = 3;
+/// Formulas that take less than that from whole records, after which no other is fitted where no law leaves noise.
+const MAX_FUTILE: usize = 4;
 /// Errors within this share of each other are equal.
 const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Ratio of the error of a formula to the less of that of the free form and of the noise, below which none comes.
@@ -92,19 +94,22 @@ impl Finder<'_> {
         let mut tried: Vec<Tried> = Vec::new();
         // What a formula can reach at best; one that another outranks even then needs no fit.
         let least = MIN_ERROR_OVER_LEAST * whole.error.min(judge.power.sqrt());
+        let power = |error: f64| error.powi(2);
+        let ceiling = power(declared.error) - power(whole.error.min(declared.error));
+        let reaches =
+            |own: &Tried| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling;
         for own in &list {
+            // Where no law leaves noise, the likeliest formulas tell whether there is one.
+            let futile = self.aim.is_share() && tried.len() >= MAX_FUTILE && !tried.iter().any(reaches);
             let share = (form.at.smooth.without - own.held_out) / form.at.gain();
             let best = tried.iter().map(Tried::rank).fold(f64::INFINITY, f64::min);
             let outranked = best <= rank(least, &own.formula);
-            if share >= MIN_SHARE_OF_FREE_FORM && !outranked && !stop::asked() {
+            if share >= MIN_SHARE_OF_FREE_FORM && !outranked && !futile && !stop::asked() {
                 let exact = self.exact(study, (declared, &[]), &place, &own.formula, share);
                 tried.extend(exact);
             }
         }
-        let power = |error: f64| error.powi(2);
-        let ceiling = power(declared.error) - power(whole.error.min(declared.error));
-        tried
-            .retain(|own| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling);
+        tried.retain(reaches);
         tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
         self.prune(study, (declared, &[]), &place, &mut tried);
         self.prune_beside_corrections(study, declared, &place, &mut tried);
@@ -160,8 +165,9 @@ impl Finder<'_> {
         let direct = fits.fit_from(vec![c], &p, locals);
         let near =
             (MAX_ERROR_OVER_DECLARED * declared.error).max(MAX_ERROR_OVER_FREE_FORM * place.whole.error);
+        let gains = |model: &Model| self.aim.is_share() && model.error < declared.error;
         let model = match direct {
-            Some(model) if model.error < near => Some(model),
+            Some(model) if model.error < near || gains(&model) => Some(model),
             // From the beginning of the records on: whole ones may end anywhere.
             direct => {
                 let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &GROWING_SHARES, 8);

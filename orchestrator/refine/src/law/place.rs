@@ -164,7 +164,9 @@ impl Finder<'_> {
         let form = form.unwrap_or_else(|| best.clone());
         let to_noise = |form: &FreeForm| form.at.smooth.held_out < MAX_ERROR_OF_NOISE * noise;
         let aim = self.aim;
-        let enough = |form: &FreeForm| (aim.is_share() || to_noise(form)) && enough(form);
+        // A residual of many small causes looks like something in time: a law there has to leave noise.
+        let in_time = |form: &FreeForm| form.surface.variables.contains(&Variable::Time);
+        let enough = |form: &FreeForm| (aim.is_share() && !in_time(form) || to_noise(form)) && enough(form);
         let more = |form: &FreeForm| form.at.smooth.held_out > MAX_ERROR_WITHOUT_SECOND * noise;
         let crossed = if self.wide && more(&form) { self.crossed(study, declared, &form) } else { None };
         let known = crossed.as_ref().unwrap_or(&form);

@@ -281,7 +281,7 @@ pub(super) fn channel(study: &Study, tap: usize, variable: Variable) -> &'static
     catalog::channel_of(&study.taps[tap].attachment, variable).unwrap_or_default()
 }
 
-pub(super) fn push(
+pub(crate) fn push(
     study: &mut Study,
     action: Action,
     entries: Vec<Entry>,

@@ -81,6 +81,24 @@ impl Surface {
         }
     }
 
+    /// Gives the number and the weight of every height that counts at a point.
+    pub fn each_weight(&self, point: &Point, mut give: impl FnMut(usize, f64)) {
+        let at = |i: usize| weights(&self.knots[i], point.of(self.variables[i]));
+        let (first, own) = at(0);
+        let rows = own.iter().take(self.knots[0].len()).enumerate();
+        match self.knots.get(1) {
+            None => rows.for_each(|(i, weight)| give(first + i, *weight)),
+            Some(other) => {
+                let (second, across) = at(1);
+                for (i, weight) in rows {
+                    let begin = (first + i) * other.len() + second;
+                    let row = across.iter().take(other.len()).enumerate();
+                    row.for_each(|(j, own)| give(begin + j, weight * own));
+                }
+            }
+        }
+    }
+
     /// Values of a function at the knots, in the order of the heights.
     pub fn heights_of(&self, f: impl Fn(&[f64]) -> f64) -> Vec<f64> {
         match self.knots.get(1) {

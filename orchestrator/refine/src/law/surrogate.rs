@@ -9,6 +9,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::surface::Surface;
 use crate::engine::System;
 use crate::engine::fit::{Free, fit};
+use crate::engine::near::fit_near;
 use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::{parallel, stop};
 use crate::study::law::Variable;
@@ -61,6 +62,8 @@ pub struct Surrogate {
     pub parts: Vec<Quadratic>,
     /// Number of heights.
     pub count: usize,
+    /// Derivatives by the local parameters of the records, without residuals.
+    locals: Vec<Columns>,
     roughness: DMatrix<f64>,
 }
 
@@ -136,7 +139,10 @@ impl Surrogate {
             }
         }
         let middle = heights.iter().map(|f| p[f.index]).collect();
-        Surrogate { heights: middle, parts, count: heights.len(), roughness }
+        let local =
+            |mut own: Columns| Columns { residuals: Vec::new(), columns: own.columns.split_off(free.len()) };
+        let locals = found.into_iter().map(local).collect();
+        Surrogate { heights: middle, parts, count: heights.len(), locals, roughness }
     }
 
     /// All parts but one, or all.
@@ -289,8 +295,12 @@ impl Approach {
         rounds: usize,
     ) -> Option<Approach> {
         let records: Vec<usize> = (0..self.locals.len()).collect();
-        let simulated = |p: &[f64], locals: &[Vec<f64>]| fit(system, &records, p, &[], locals, 6);
-        let first = simulated(&self.parameters, &self.locals);
+        // Initial states follow by the derivatives that are known, where these hold.
+        let simulated = |p: &[f64], own: &Approach| {
+            let near = fit_near(system, &records, p, &[], &own.locals, own.surrogate.locals.clone());
+            if near.settled { near.fit } else { fit(system, &records, p, &[], &own.locals, 6) }
+        };
+        let first = simulated(&self.parameters, &self);
         (self.chi2, self.locals) = (first.chi2, first.locals);
         let without = self.smooth.without;
         for _ in 0..rounds {
@@ -303,7 +313,7 @@ impl Approach {
                 for (own, change) in free[1].iter().zip(&self.smooth.shared) {
                     p[own.index] = (p[own.index] + part * change).clamp(own.bounds.0, own.bounds.1);
                 }
-                let found = simulated(&p, &self.locals);
+                let found = simulated(&p, &self);
                 if found.chi2.is_finite() && found.chi2 < self.chi2 {
                     next = Some(found);
                     break;

@@ -265,8 +265,9 @@ fn listed_instead(
 }
 
 /// The weakest effect that explains little without the other effects, or that may be zero by the interval of its first
-/// parameter, and the share of the error on validation records that it takes away alone. Where all is explained, each is needed. Coulomb friction needed by nothing but the search
-/// for another friction comes last; that on which presliding acts stays.
+/// parameter, and the share of the error on validation records that it takes away alone. Where all is explained, each
+/// is needed. Coulomb friction needed by nothing but the search for another friction comes last; that on which
+/// presliding acts stays.
 fn weakest_dependent(
     search: &by_share::Search,
     selection: &Selection,
@@ -408,7 +409,7 @@ struct Shown<'a> {
     parameters: Vec<f64>,
     /// Errors on estimation and validation records.
     errors: [Errors; 2],
-    /// What noise gives on validation records, by output.
+    /// Rms that noise gives on validation records, by output.
     floor: BTreeMap<String, f64>,
     /// Share of the error on validation records that it takes away.
     share: Option<f64>,

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::catalog::fastest;
 use super::law::{Law, Point, preslide_along, shape};
+use super::linear::Linear;
 use super::memory::Memory;
 use super::model::Study;
 use crate::vocabulary::own::{MAX_STATES, Own};
@@ -85,6 +86,10 @@ pub(super) struct Blocks<'a> {
     pub(super) trace: Vec<Vec<Point>>,
     /// States at every sample of a trace, `[n][nx]`.
     pub(super) states: Vec<Vec<f64>>,
+    /// Added to a value that a free form acts on.
+    pub(super) offset: Cell<f64>,
+    /// Linearization; none: not recorded.
+    pub(super) linear: Option<Linear>,
 }
 
 impl Blocks<'_> {
@@ -152,7 +157,7 @@ impl Blocks<'_> {
                 value = if own.port.replaces() { found } else { value - self.study.taps[tap].sign * found };
             } else if let Law::Surface(index) = *law {
                 let at = Point { value, time: self.now.get(), ..point };
-                value -= own.sign * self.study.surfaces[index].value(p, &at);
+                value += self.offset.get() - own.sign * self.study.surfaces[index].value(p, &at);
             } else if let Law::Memory(kind) = *law {
                 let (memory, z) = (&self.memories[states.start], &self.z[states.clone()]);
                 value = memory.pass((kind, p), z, (self.time, self.now.get()), value);

@@ -191,6 +191,17 @@ impl Plant {
         self.moved = true;
     }
 
+    /// Whether outputs and states follow from states and inputs by equations without events and loops.
+    pub fn is_smooth(&self) -> bool {
+        let is_smooth = |part: &Part| {
+            !part.instance.is_stepped()
+                && part.indicators == 0
+                && part.next_event.is_none()
+                && part.sample_time.is_none()
+        };
+        self.loops.is_empty() && self.parts.iter().all(is_smooth)
+    }
+
     /// Whether the states rest between events.
     pub fn rests(&self) -> bool {
         self.parts.iter().all(|part| part.states.is_empty() || part.only_events)

@@ -9,7 +9,9 @@ use super::model::{Action, Sensor};
 use super::read::Record;
 use super::remembered::Key;
 use super::simulate::{Piece, Shift, View};
+use crate::engine::fit::Free;
 use crate::engine::noise::Noise;
+use crate::engine::system::Derivatives;
 use crate::engine::{Span, System};
 use crate::vocabulary::own::{MAX_STATES, Own};
 
@@ -155,6 +157,10 @@ impl System for View<'_> {
             Some(values) => begin::measured(values, piece),
         };
         record.states.iter().enumerate().map(one).collect()
+    }
+
+    fn derivatives(&self, record: usize, p: &[f64], locals: &[f64], free: &[Free]) -> Option<Derivatives> {
+        self.linearized(record, p, locals, free)
     }
 
     fn signals(&self, record: usize) -> Vec<Span> {

@@ -119,6 +119,8 @@ impl<'a> View<'a> {
             survey,
             trace: Vec::new(),
             states: Vec::new(),
+            offset: Cell::new(0.0),
+            linear: None,
         };
         blocks.rest();
         blocks
@@ -326,6 +328,45 @@ impl<'a> View<'a> {
                     let point = blocks.point(tap, &plant.slots);
                     blocks.trace[tap].push(point);
                 }
+            }
+            if let Some(mut linear) = blocks.linear.take().filter(|_| j.is_some()) {
+                let restarts =
+                    !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window));
+                let tap = linear.tap;
+                let point = |plant: &Plant, blocks: &Blocks| {
+                    let value = blocks.seen[tap].get();
+                    Point { time: blocks.now.get(), value, ..blocks.point(tap, &plant.slots) }
+                };
+                let mut advance = |from: &[f64], offset: f64, to: &mut [f64], shown: &mut [f64]| {
+                    blocks.offset.set(offset);
+                    to.copy_from_slice(from);
+                    at(plant, t, to, &mut dx[0], blocks)?;
+                    let outputs = shown.iter_mut().zip(&study.outputs);
+                    outputs.for_each(|(shown, output)| *shown = plant.slots[output.slot]);
+                    let begin = point(plant, blocks);
+                    if k + 1 == piece.range.end {
+                        return Ok([begin; 2]);
+                    }
+                    let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| {
+                        at(plant, time, x, dx, blocks)
+                    };
+                    let edge = |i: usize| t + step * i as f64 / self.substeps as f64;
+                    for i in 0..self.substeps {
+                        if i > 0 {
+                            at(plant, edge(i), to, &mut dx[0])?;
+                        }
+                        self.step(&at, plant, (edge(i), edge(i + 1)), to, &mut dx)?;
+                    }
+                    let is_base = offset == 0.0 && from == x;
+                    if is_base {
+                        at(plant, edge(self.substeps), to, &mut dx[0])?;
+                    }
+                    Ok::<_, airloop_fmi::Error>([begin, point(plant, blocks)])
+                };
+                linear.record(&x, restarts, &mut advance).map_err(super::Problem::fmu)?;
+                blocks.offset.set(0.0);
+                at(plant, t, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
+                blocks.linear = Some(linear);
             }
             if k + 1 < piece.range.end {
                 let (mut from, end) = (t, t + step);
