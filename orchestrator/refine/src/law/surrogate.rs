@@ -295,10 +295,11 @@ impl Approach {
         rounds: usize,
     ) -> Option<Approach> {
         let records: Vec<usize> = (0..self.locals.len()).collect();
-        // Initial states follow by the derivatives that are known, where these hold.
+        // Initial states follow by the derivatives that are known, where these hold or suffice for a gain.
         let simulated = |p: &[f64], own: &Approach| {
             let near = fit_near(system, &records, p, &[], &own.locals, own.surrogate.locals.clone());
-            if near.settled { near.fit } else { fit(system, &records, p, &[], &own.locals, 6) }
+            let enough = near.settled || near.fit.chi2 < own.chi2;
+            if enough { near.fit } else { fit(system, &records, p, &[], &own.locals, 6) }
         };
         let first = simulated(&self.parameters, &self);
         (self.chi2, self.locals) = (first.chi2, first.locals);
