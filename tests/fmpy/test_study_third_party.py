@@ -86,6 +86,23 @@ def test_small_forces_and_parameters_within_their_tolerance_are_no_effect(tmp_pa
     assert named(json.loads((tmp_path / "out" / "report.json").read_text())) == []
 
 
+def test_where_no_effect_is_named_the_answer_is_the_declared_model_with_its_corrections(tmp_path):
+    folder, _ = machine(tmp_path, "tanks_m_none_1", seed=301)
+    result = refine(folder / "study.toml", tmp_path / "out")
+    assert result.returncode == 11, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    before, after = (found["residual"]["validation"][f"rms_{when}"] for when in ("before", "after"))
+    assert named(found) == [] and found["corrections"]
+    assert sum(after.values()) < 0.7 * sum(before.values())
+    assert re.search(r"Corrections of declared parameters within their tolerances take away \d\d %", result.stdout)
+    # What the amended system leaves is what is printed.
+    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", folder / "study.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    for role in ("estimation", "validation"):
+        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)
+
+
 def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
     folder, truth = machine(tmp_path, "motor_e_outside_heat_tau_load")
     study = folder / "study.toml"
