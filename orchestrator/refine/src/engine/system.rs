@@ -39,7 +39,8 @@ pub trait System: Sync {
     fn residuals(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
         self.whiten(record, &self.predict(record, parameters, locals))
     }
-    /// Derivatives of the whitened residuals that a system has without a simulation for each; none: it has none.
+    /// Derivatives of the whitened residuals at `parameters`, `[parameters]`, and `locals`, `[locals]`, that a system
+    /// has without a simulation for each; none: it has none.
     fn derivatives(
         &self,
         _record: usize,
@@ -59,9 +60,9 @@ pub trait System: Sync {
 /// Derivatives of the whitened residuals of a record, each laid out as they are.
 #[derive(Debug, Clone)]
 pub struct Derivatives {
-    /// By the free parameters; none: not known.
+    /// By the free parameters, `[free][samples]`; none: not known.
     pub shared: Vec<Option<Vec<f64>>>,
-    /// By all local parameters; none: not known.
+    /// By all local parameters, `[locals][samples]`; none: not known.
     pub locals: Option<Vec<Vec<f64>>>,
 }
 

@@ -14,7 +14,7 @@ use crate::engine::System;
 use crate::engine::fit::Free;
 use crate::engine::normal::Columns;
 use crate::engine::stop;
-use crate::study::answer;
+use crate::study::assembled;
 use crate::study::by_share;
 use crate::study::catalog::{self, Candidate};
 use crate::study::changed::corrected;
@@ -176,7 +176,7 @@ fn sought(
     let left = (law.port.clone(), judge.floors(judge.excess(&model)));
     found.left_at = if complete { Vec::new() } else { vec![left] };
     found.law = Some(law);
-    found.fitted = answer::fitted(study, &model.fit.parameters);
+    found.fitted = assembled::fitted(study, &model.fit.parameters);
     found.corrections = by_share::corrections_beside(study, &model, &found.corrections);
     found.after = after;
     found.parameters[1].clone_from(&model.fit.parameters);

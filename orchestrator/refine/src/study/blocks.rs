@@ -89,7 +89,7 @@ pub(super) struct Blocks<'a> {
     /// Added to a value that a free form acts on.
     pub(super) offset: Cell<f64>,
     /// Linearization; none: not recorded.
-    pub(super) linear: Option<Linear>,
+    pub(super) linear: Option<RefCell<Linear>>,
 }
 
 impl Blocks<'_> {

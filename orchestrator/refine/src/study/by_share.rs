@@ -136,28 +136,21 @@ impl Search<'_> {
         ByShare { steps: found.steps.clone(), selection: Selection { singles, ..again.selection }, ..again }
     }
 
-    /// Parameters of the effects found, fitted together with one more parameter from several of its values.
-    pub fn fitted_with(&self, found: &ByShare, more: Free, values: &[f64]) -> Option<Vec<f64>> {
-        let start = |value: &f64| {
-            let mut p = found.selection.best.fit.parameters.clone();
-            p[more.index] = *value;
-            p
-        };
-        let starts: Vec<Vec<f64>> = values.iter().map(start).collect();
-        let more = (more, *values.first()?);
-        self.ask(&found.selection, Some(more), |question, _| {
-            forward_selection::fitted_from(question, &found.added, &starts)
-        })
-    }
-
-    /// The same of the effects alone, from other `starts` than the parameters they have.
+    /// Parameters of the effects found, fitted from several values of one of them, or of one `more`.
     pub fn fitted_from(
         &self,
         found: &ByShare,
-        starts: impl FnOnce(&[f64]) -> Vec<Vec<f64>>,
+        (entry, values): (usize, &[f64]),
+        more: Option<Free>,
     ) -> Option<Vec<f64>> {
-        let starts = starts(&found.selection.best.fit.parameters);
-        self.ask(&found.selection, None, |question, _| {
+        let start = |value: &f64| {
+            let mut p = found.selection.best.fit.parameters.clone();
+            p[entry] = *value;
+            p
+        };
+        let starts: Vec<Vec<f64>> = values.iter().map(start).collect();
+        let more = more.zip(values.first().copied());
+        self.ask(&found.selection, more, |question, _| {
             forward_selection::fitted_from(question, &found.added, &starts)
         })
     }

@@ -6,6 +6,8 @@
 //! with a constant added at the port. What a height adds is known along the trajectory, so that its derivative is a
 //! product of small matrices.
 
+use std::cell::RefCell;
+
 use super::law::{Law, Point};
 use super::model::{Action, Study};
 use super::simulate::{Shift, View};
@@ -159,25 +161,20 @@ impl View<'_> {
         let (surface, tap, first) = form(study, &self.active)?;
         let place = |free: &Free| free.index.checked_sub(first).filter(|k| *k < surface.heights());
         let offset = free.iter().find(|free| place(free).is_some())?.step;
-        let nx = {
-            let plant = study.take().ok()?;
-            let own = plant.is_smooth().then_some(plant.nx);
-            study.give(plant);
-            own?
-        };
+        let plant = study.take().ok()?;
+        let (is_smooth, nx) = (!study.sampled && plant.is_smooth(), plant.nx);
+        study.give(plant);
+        let piece = &self.pieces[record];
         // Steps of the linearization for each sample: beside each state, at the port, and along the way twice.
         let simulations = free.iter().filter(|free| place(free).is_some()).count();
-        if simulations <= nx + 3 || stop::asked() {
-            return None;
-        }
-        let piece = &self.pieces[record];
-        if self.begin(piece) != piece.range.start {
+        if !is_smooth || simulations <= nx + 3 || self.begin(piece) != piece.range.start || stop::asked() {
             return None;
         }
         let mut blocks = self.blocks(p, false);
-        blocks.linear = Some(Linear::new(nx, outputs, tap, offset));
+        blocks.linear = Some(RefCell::new(Linear::new(nx, outputs, tap, offset)));
         self.simulate(piece, p, locals, &mut blocks, &Shift::default());
-        let linear = blocks.linear.filter(|own| own.points.len() == piece.range.len())?;
+        let linear = blocks.linear.map(RefCell::into_inner);
+        let linear = linear.filter(|own| own.points.len() == piece.range.len())?;
         let (heights, begins) = linear.derivatives(surface, study.taps[tap].sign);
         let n = piece.range.len();
         let residual = |mut own: Vec<f64>| {
@@ -201,9 +198,8 @@ mod tests {
     use airloop_testing::carriage;
 
     use super::*;
-    use crate::engine::noise::Noise;
+    use crate::engine::System;
     use crate::engine::normal::{columns, dot};
-    use crate::engine::{Span, System};
     use crate::law::study::push;
     use crate::study::declaration::File;
     use crate::study::fits::Fits;
@@ -212,35 +208,8 @@ mod tests {
     use crate::study::prepared::prepared;
     use crate::study::simulate::Piece;
 
-    /// The same simulations, with a simulation for every derivative.
-    struct Simulated<'a>(View<'a>);
-
-    impl System for Simulated<'_> {
-        fn records(&self) -> usize {
-            self.0.records()
-        }
-        fn estimation(&self, record: usize) -> bool {
-            self.0.estimation(record)
-        }
-        fn locals(&self, record: usize) -> Vec<(f64, f64)> {
-            self.0.locals(record)
-        }
-        fn signals(&self, record: usize) -> Vec<Span> {
-            self.0.signals(record)
-        }
-        fn predict(&self, record: usize, parameters: &[f64], locals: &[f64]) -> Vec<f64> {
-            self.0.predict(record, parameters, locals)
-        }
-        fn measured(&self, record: usize) -> Vec<f64> {
-            self.0.measured(record)
-        }
-        fn whiten(&self, record: usize, predicted: &[f64]) -> Vec<f64> {
-            self.0.whiten(record, predicted)
-        }
-        fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
-            self.0.redraw(record, predicted, noise)
-        }
-    }
+    /// Derivatives that are simulated.
+    const FEW: usize = 5;
 
     /// A carriage whose record shows dry friction; a form over its motion, its candidate, and parameters with which it
     /// is a stiff friction that rises with the position.
@@ -297,10 +266,16 @@ mod tests {
                 let own = view.derivatives(r, &p, &locals[r], &free).unwrap();
                 own.shared.iter().all(Option::is_some) && own.locals.unwrap().len() == 2
             }));
+            let of =
+                |free: &[Free], locals: bool| columns(&view, &[0, 1, 2], &p, free, &starts, locals, None);
+            let fast = of(&free, true);
             // A few derivatives alone are as fast by simulations.
-            assert!(view.derivatives(0, &p, &locals[0], &free[..4]).is_none());
-            let fast = columns(&view, &[0, 1, 2], &p, &free, &starts, true, None);
-            let slow = columns(&Simulated(view.clone()), &[0, 1, 2], &p, &free, &starts, true, None);
+            assert!(view.derivatives(0, &p, &locals[0], &free[..FEW]).is_none());
+            let mut slow = of(&[], false);
+            for few in free.chunks(FEW) {
+                slow.iter_mut().zip(of(few, false)).for_each(|(all, own)| all.columns.extend(own.columns));
+            }
+            slow.iter_mut().zip(of(&[], true)).for_each(|(all, own)| all.columns.extend(own.columns));
             for (fast, slow) in fast.iter().zip(&slow) {
                 assert_eq!((fast.columns.len(), &fast.residuals), (22, &slow.residuals));
                 let largest = slow.columns.iter().map(|own| dot(own, own)).fold(0.0, f64::max);

@@ -12,11 +12,12 @@
 //!
 //! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
 //! in addition to corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the
-//! engine. [`answer`] puts the result into words, [`replay`] simulates another system on the same records, [`redrawn`]
-//! makes records of it. The rig of
+//! engine. [`answer`] leads through all of it, `assembled` puts the result together, [`replay`] simulates another
+//! system on the same records, [`redrawn`] makes records of it. The rig of
 //! the vocabulary, whose sensors are known, has a search of its own in `rig`.
 
 pub mod answer;
+pub(crate) mod assembled;
 mod begin;
 pub mod beside;
 mod blocks;

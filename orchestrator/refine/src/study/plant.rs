@@ -191,15 +191,9 @@ impl Plant {
         self.moved = true;
     }
 
-    /// Whether outputs and states follow from states and inputs by equations without events and loops.
+    /// Whether no component has state events, and none is in an algebraic loop.
     pub fn is_smooth(&self) -> bool {
-        let is_smooth = |part: &Part| {
-            !part.instance.is_stepped()
-                && part.indicators == 0
-                && part.next_event.is_none()
-                && part.sample_time.is_none()
-        };
-        self.loops.is_empty() && self.parts.iter().all(is_smooth)
+        self.loops.is_empty() && !self.has_state_events()
     }
 
     /// Whether the states rest between events.

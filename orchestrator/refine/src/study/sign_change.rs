@@ -64,7 +64,7 @@ pub fn fitted(
         let fits = Fits::new(study, scale.to_vec());
         let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
         let free = study.entries[entry].free;
-        let Some(mut p) = search.fitted_with(own, free, &values) else { continue };
+        let Some(mut p) = search.fitted_from(own, (entry, &values), Some(free)) else { continue };
         study.taps[tap].vt = std::mem::take(&mut p[entry]);
         let fits = Fits::new(study, scale.to_vec());
         let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
@@ -76,22 +76,16 @@ pub fn fitted(
         }
     }
     let own = better.as_ref().unwrap_or(found);
-    if let Some((coulomb, ..)) = beside(study, &own.selection.best) {
+    if let Some((coulomb, _, vt)) = beside(study, &own.selection.best) {
         let entry = study.candidates[coulomb].entries.start + 1;
         let fits = Fits::new(study, scale.to_vec());
         let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
-        let again =
-            search.fitted_from(own, |p| STARTS.map(|ratio| with(p, entry, ratio * p[entry])).to_vec());
+        let values = STARTS.map(|ratio| ratio * vt);
+        let again = search.fitted_from(own, (entry, &values), None);
         let again = again.map(|p| search.fitted(own, &own.added, &p));
         better = again.filter(|again| again.selection.best.error < own.selection.best.error).or(better);
     }
     better
-}
-
-fn with(p: &[f64], entry: usize, value: f64) -> Vec<f64> {
-    let mut own = p.to_vec();
-    own[entry] = value;
-    own
 }
 
 /// Sentences on the velocities of sign changes that were fitted with friction that stands without Coulomb friction.

@@ -329,44 +329,49 @@ impl<'a> View<'a> {
                     blocks.trace[tap].push(point);
                 }
             }
-            if let Some(mut linear) = blocks.linear.take().filter(|_| j.is_some()) {
-                let restarts =
-                    !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window));
+            let move_to = |plant: &mut Plant, (from, to): (f64, f64), x: &mut [f64], dx: &mut Slopes| {
+                let at =
+                    |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| at(plant, time, x, dx, blocks);
+                let count = self.substeps;
+                let edge = |i: usize| from + (to - from) * i as f64 / count as f64;
+                for i in 0..count {
+                    // The slopes of a single step are there.
+                    if count > 1 {
+                        at(plant, edge(i), x, &mut dx[0])?;
+                    }
+                    self.step(&at, plant, (edge(i), edge(i + 1)), x, dx)?;
+                }
+                Ok(())
+            };
+            if let Some(linear) = &blocks.linear {
+                let mut linear = linear.borrow_mut();
                 let tap = linear.tap;
-                let point = |plant: &Plant, blocks: &Blocks| {
+                let point = |plant: &Plant| {
                     let value = blocks.seen[tap].get();
                     Point { time: blocks.now.get(), value, ..blocks.point(tap, &plant.slots) }
                 };
-                let mut advance = |from: &[f64], offset: f64, to: &mut [f64], shown: &mut [f64]| {
-                    blocks.offset.set(offset);
-                    to.copy_from_slice(from);
-                    at(plant, t, to, &mut dx[0], blocks)?;
-                    let outputs = shown.iter_mut().zip(&study.outputs);
-                    outputs.for_each(|(shown, output)| *shown = plant.slots[output.slot]);
-                    let begin = point(plant, blocks);
-                    if k + 1 == piece.range.end {
-                        return Ok([begin; 2]);
-                    }
-                    let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| {
-                        at(plant, time, x, dx, blocks)
-                    };
-                    let edge = |i: usize| t + step * i as f64 / self.substeps as f64;
-                    for i in 0..self.substeps {
-                        if i > 0 {
-                            at(plant, edge(i), to, &mut dx[0])?;
+                let restarts =
+                    !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window));
+                linear
+                    .record(&x, restarts, |from, offset, to, shown| {
+                        blocks.offset.set(offset);
+                        to.copy_from_slice(from);
+                        at(plant, t, to, &mut dx[0], blocks)?;
+                        let outputs = shown.iter_mut().zip(&study.outputs);
+                        outputs.for_each(|(shown, output)| *shown = plant.slots[output.slot]);
+                        let begin = point(plant);
+                        if k + 1 == piece.range.end {
+                            return Ok([begin; 2]);
                         }
-                        self.step(&at, plant, (edge(i), edge(i + 1)), to, &mut dx)?;
-                    }
-                    let is_base = offset == 0.0 && from == x;
-                    if is_base {
-                        at(plant, edge(self.substeps), to, &mut dx[0])?;
-                    }
-                    Ok::<_, airloop_fmi::Error>([begin, point(plant, blocks)])
-                };
-                linear.record(&x, restarts, &mut advance).map_err(super::Problem::fmu)?;
+                        move_to(plant, (t, t + step), to, &mut dx)?;
+                        if offset == 0.0 && from == x {
+                            at(plant, t + step, to, &mut dx[0], blocks)?;
+                        }
+                        Ok([begin, point(plant)])
+                    })
+                    .map_err(super::Problem::fmu)?;
                 blocks.offset.set(0.0);
                 at(plant, t, &x, &mut dx[0], blocks).map_err(super::Problem::fmu)?;
-                blocks.linear = Some(linear);
             }
             if k + 1 < piece.range.end {
                 let (mut from, end) = (t, t + step);
@@ -375,22 +380,7 @@ impl<'a> View<'a> {
                     let between = due(plant, end - near).filter(|time| *time > from);
                     let mut to = between.unwrap_or(end);
                     before.copy_from_slice(&x);
-                    let move_to = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
-                        let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| {
-                            at(plant, time, x, dx, blocks)
-                        };
-                        let count = self.substeps;
-                        let edge = |i: usize| from + (to - from) * i as f64 / count as f64;
-                        for i in 0..count {
-                            // The slopes of a single step are there.
-                            if count > 1 {
-                                at(plant, edge(i), x, &mut dx[0])?;
-                            }
-                            self.step(&at, plant, (edge(i), edge(i + 1)), x, dx)?;
-                        }
-                        Ok(())
-                    };
-                    move_to(plant, to, &mut x, &mut dx).map_err(super::Problem::fmu)?;
+                    move_to(plant, (from, to), &mut x, &mut dx).map_err(super::Problem::fmu)?;
                     if x.iter().any(|value| !value.is_finite()) {
                         return Ok(());
                     }
@@ -398,7 +388,7 @@ impl<'a> View<'a> {
                     if plant.has_state_events() && events < MAX_EVENTS_PER_STEP {
                         let crossed = |plant: &mut Plant, to: f64, x: &mut [f64], dx: &mut Slopes| {
                             x.copy_from_slice(&before);
-                            move_to(plant, to, x, dx)?;
+                            move_to(plant, (from, to), x, dx)?;
                             at(plant, to, x, &mut dx[1], blocks)?;
                             plant.crossed()
                         };
