@@ -1,10 +1,14 @@
 """`airloop refine` where the effect acts on a signal that one FMU gives another and no record shows: a drive that follows its
-command late moves a cart on a spring. The machine is typed here, the FMUs are made of the same declared equations in C."""
+command late moves a cart on a spring. The machine is typed here, the FMUs are made of the same declared equations in C.
+
+And a cart whose velocity is a local variable of its FMU, alone."""
 
 import importlib.util
 import json
 import sys
 
+import fmpy
+import fmpy.validation
 import numpy as np
 import pytest
 
@@ -172,3 +176,42 @@ def test_a_signal_between_fmus_that_lacks_nothing_is_not_named(tmp_path):
     assert all(kind in plan.stdout for kind in ("rate_limit", "hysteresis", "deadband")), here
     result = refine(study, tmp_path / "out")
     assert result.returncode == 10, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("shown", ["x", "v"])
+def test_a_local_variable_of_an_fmu_becomes_an_output_of_the_amended_system(tmp_path, shown):
+    dry, vt = 4.0, 0.05
+    (tmp_path / "equations").mkdir()
+    (tmp_path / "equations" / "cart.h").write_text("der_x = v;\nder_v = (s - damping * v - stiffness * x) / mass;\n")
+    values = {"mass": (MASS, "kg", 0.0), "damping": (DAMPING, "N.s/m", 0.0), "stiffness": (STIFFNESS, "N/m", 0.0)}
+    states = {"x": ("m", 0.1, ""), "v": ("m/s", 0.1, "x")}
+    cart = System("cart", STEP, 1.0, 1, states, {"s": ("N", 20.0)}, values, {}, {}, None, short=False, hidden=("v",))
+    fmu.make(cart, tmp_path / "cart.fmu", home=tmp_path)
+    unit = {"x": "m", "v": "m/s"}[shown]
+    text = f'system = "cart.fmu"\n[inputs]\ns = {{ column = "s", hold = true }}\n[outputs]\n{shown} = {{ column = "{shown}", unit = "{unit}" }}\n'
+    rng = np.random.default_rng(3)
+    for k in range(3):
+        s, h, x, v, rows = 20.0 * command(rng), STEP / 50, 0.0, 0.0, []
+        for t, force in zip(STEP * np.arange(COUNT), s):
+            rows.append((t, force, {"x": x, "v": v}[shown] + NOISE * rng.standard_normal()))
+            for _ in range(50):
+                rate = lambda x, v: (force - DAMPING * v - STIFFNESS * x - dry * np.tanh(v / vt)) / MASS
+                xm, vm = x + 0.5 * h * v, v + 0.5 * h * rate(x, v)
+                x, v = x + h * vm, v + h * rate(xm, vm)
+        np.savetxt(tmp_path / f"r{k}.csv", rows, delimiter=",", header=f"time,s,{shown}", comments="", fmt="%.8g")
+        role = "estimation" if k < 2 else "validation"
+        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ x = 0.0, v = 0.0 }}\n'
+    (tmp_path / "study.toml").write_text(text)
+    result = refine(tmp_path / "study.toml", tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(report) == ["coulomb@s"], result.stdout + result.stderr
+    amended = tmp_path / "out" / "system"
+    assert fmpy.validation.validate_fmu(str(amended / "cart.fmu")) == []
+    description = fmpy.read_model_description(str(amended / "cart.fmu"))
+    assert {v.name for v in description.modelVariables if v.causality == "output"} == {"x", "v"}
+    run = start("run", amended / "system.ssd", "--study", tmp_path / "study.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    before, after = (report["residual"]["validation"][key][shown] for key in ("rms_before", "rms_after"))
+    assert after < 2 * NOISE < 0.1 * before
+    assert summary["validation"]["rms"][shown] == pytest.approx(after, abs=0.01 * before)

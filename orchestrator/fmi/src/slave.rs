@@ -75,7 +75,7 @@ impl Slave {
     #[cold]
     #[inline(never)]
     fn step_not_complete(&mut self, status: u32, t: f64, h: f64) -> Result<StepStatus, Error> {
-        let functions = self.0.slave_functions("fmi2DoStep")?;
+        let functions = *self.0.slave_functions("fmi2DoStep")?;
         self.0.set_known_time(t);
         if status != super::instance::DISCARD {
             return Err(self.0.step_failure(status, h));

@@ -52,7 +52,8 @@ def description(system, guid):
         inside = f'start="{start!r}" unit="{unit}" nominal="{nominal!r}"'
         if of and system.short:
             inside += f' derivative="{index[of]}"'
-        add(name, reference[name], 'causality="output" variability="continuous" initial="exact"', inside)
+        causality = "local" if name in system.hidden else "output"
+        add(name, reference[name], f'causality="{causality}" variability="continuous" initial="exact"', inside)
     for name, (unit, _) in system.inputs.items():
         add(name, reference[name], 'causality="input" variability="continuous"', f'start="0" unit="{unit}"')
     for name, (value, unit, _) in system.parameters.items():
@@ -67,7 +68,7 @@ def description(system, guid):
     define = "".join(f'    <Unit name="{unit}"><BaseUnit {scale(unit)}/></Unit>\n' for unit in units)
     scalar = "".join(f"    <ScalarVariable name={quoteattr(n)} valueReference=\"{vr}\" {kinds}><Real {inside}/></ScalarVariable>\n" for n, vr, kinds, inside in variables)
     unknown = lambda k: f'<Unknown index="{k}"/>'
-    outputs = "".join(unknown(index[name]) for name in system.states)
+    outputs = "".join(unknown(index[name]) for name in system.states if name not in system.hidden)
     derivatives = "".join(unknown(index[rate]) for _, rate in rates)
     initial = "".join(unknown(k) for k in sorted(index[rate] for _, rate in rates if rate not in system.states))
     return f"""<?xml version="1.0" encoding="UTF-8"?>

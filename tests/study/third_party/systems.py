@@ -41,6 +41,8 @@ class System:
     pace: float = 3.0
     # Whether velocities stand for the derivatives of positions in the model description, or `der(...)` does.
     short: bool = True
+    # States that are local variables of the FMU.
+    hidden: tuple = ()
 
     @property
     def commands(self):

@@ -82,7 +82,11 @@ pub(super) fn rewrite(
 }
 
 /// The tag with some attributes replaced where they stand, or added at the end.
-fn with_attributes(tag: &BytesStart<'_>, changes: &[(&str, String)], end: &str) -> Result<String, String> {
+pub(super) fn with_attributes(
+    tag: &BytesStart<'_>,
+    changes: &[(&str, String)],
+    end: &str,
+) -> Result<String, String> {
     let mut text = format!("<{}", tag.name().as_ref());
     let mut open: Vec<&(&str, String)> = changes.iter().collect();
     for attribute in tag.attributes() {

@@ -6,6 +6,7 @@
 mod description;
 mod documentation;
 mod error;
+mod exposed;
 mod start_values;
 
 use std::path::Path;
@@ -15,6 +16,7 @@ use super::open::Fmu;
 use crate::{Causality, Initial, ModelDescription, Variable};
 
 pub use error::DeriveError;
+pub use exposed::expose;
 
 /// Exporter whose libraries read start values from their resources.
 const EXPORTER: &str = "fmi-export";

@@ -343,15 +343,15 @@ impl Instance {
     }
 
     #[inline(always)]
-    pub(super) fn slave_functions(&self, function: &'static str) -> Result<SlaveFunctions, Error> {
+    pub(super) fn slave_functions(&self, function: &'static str) -> Result<&SlaveFunctions, Error> {
         self.alive(function)?;
-        self.slave.ok_or_else(|| self.missing(function))
+        self.slave.as_ref().ok_or_else(|| self.missing(function))
     }
 
-    #[inline]
-    pub(super) fn model_functions(&self, function: &'static str) -> Result<ModelFunctions, Error> {
+    #[inline(always)]
+    pub(super) fn model_functions(&self, function: &'static str) -> Result<&ModelFunctions, Error> {
         self.alive(function)?;
-        self.model.ok_or_else(|| self.missing(function))
+        self.model.as_ref().ok_or_else(|| self.missing(function))
     }
 
     // Part of every call, and called from other crates: to be inlined there, too.

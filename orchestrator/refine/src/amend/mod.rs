@@ -15,12 +15,15 @@ pub mod port;
 pub mod rig;
 pub mod study;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::ssp::Structure;
 use airloop_cosim::system::write::Version;
 use airloop_fmi::derive::{self, Derivation, DeriveError};
 use airloop_fmi::template_folder::{self, TemplateNotFound};
+use airloop_fmi::{Causality, Fmu};
 
 pub use network::Network;
 
@@ -88,6 +91,7 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
         };
         derive::derive(&template, &work.path().join(format!("{}.fmu", part.name)), &derivation)?;
     }
+    expose(&structure)?;
     let graph = SystemGraph::from_structure(structure, None)?;
     for name in ["system.ssd", "system.ssp"] {
         airloop_cosim::system::write::write(&graph, &work.path().join(name), Version::V1_0)?;
@@ -103,6 +107,27 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
     remove(folder)?;
     readable(work.path()).map_err(io(&place))?;
     std::fs::rename(work.keep(), &place).map_err(io(&place))
+}
+
+/// Makes local variables outputs that blocks read or the system shows.
+fn expose(structure: &Structure) -> Result<(), Error> {
+    let mut all: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+    for own in &structure.components {
+        let read = own.connectors.iter().filter(|connector| connector.kind == "output");
+        all.entry(&own.source).or_default().extend(read.map(|connector| connector.name.clone()));
+    }
+    for (file, names) in all.iter().filter(|(_, names)| !names.is_empty()) {
+        let fmu = Fmu::open(file).map_err(|source| DeriveError::Template(Box::new(source)))?;
+        let is_local = |name: &&String| {
+            fmu.description.variable(name).is_some_and(|variable| variable.causality == Causality::Local)
+        };
+        let locals: Vec<String> = names.iter().filter(is_local).cloned().collect();
+        drop(fmu);
+        if !locals.is_empty() {
+            derive::expose(file, file, &locals)?;
+        }
+    }
+    Ok(())
 }
 
 /// Removes the amended system of an earlier report.

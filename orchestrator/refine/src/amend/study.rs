@@ -49,6 +49,11 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
         columns: columns(file, &graph),
     };
     convert(&mut network, &graph);
+    for name in file.declaration.outputs.keys() {
+        if let Some(place) = local(&graph, name) {
+            network.connect(place, end("", name), None, 1.0);
+        }
+    }
     take_files(&mut network, &graph);
     let mut selected: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     // Effects of a command path act in a fixed order; all others add up.
@@ -136,7 +141,9 @@ fn columns(file: &File, graph: &SystemGraph) -> Vec<(String, String)> {
     let inputs = declaration.inputs.iter().map(|(name, signal)| (name, signal.get_ref()));
     let inputs =
         inputs.filter(|(_, signal)| plain(signal)).filter_map(|(n, s)| Some((n, s.column.as_ref()?)));
-    let shown = |name: &String| graph.outputs.iter().any(|output| output.name == *name);
+    let shown = |name: &String| {
+        graph.outputs.iter().any(|output| output.name == *name) || local(graph, name).is_some()
+    };
     let outputs = declaration.outputs.iter().map(|(name, output)| (name, &output.get_ref().column));
     let all = inputs.chain(outputs.filter(|(name, _)| shown(name)));
     all.map(|(name, column)| (name.clone(), column.clone())).collect()
@@ -328,6 +335,17 @@ fn component(graph: &SystemGraph, name: &str) -> Option<Endpoint> {
     };
     component.fmu.description.index_of(variable)?;
     Some(end(&component.name, variable))
+}
+
+/// A local variable of an FMU that the system does not show.
+fn local(graph: &SystemGraph, name: &str) -> Option<Endpoint> {
+    if graph.outputs.iter().any(|output| output.name == name) {
+        return None;
+    }
+    let place = component(graph, name)?;
+    let own = graph.components.iter().find(|own| Some(&own.name) == place.element.as_ref())?;
+    let variable = own.fmu.description.variable(&place.connector)?;
+    (variable.causality == Causality::Local).then_some(place)
 }
 
 /// Where a signal comes from: a system output shows it, a component has it, or else it comes from outside.

@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::normal::{Normal, cost, gradients, residuals};
-use super::{System, stop};
+use super::{System, parallel, stop};
 
 /// A shared parameter that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +36,20 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Whether a parameter stands at a bound.
     pub at_bound: Vec<bool>,
+}
+
+impl Fit {
+    /// Of fits of local parameters, each to other records.
+    pub(super) fn joined(p: &[f64], parts: Vec<Fit>) -> Fit {
+        Fit {
+            parameters: p.to_vec(),
+            free: Vec::new(),
+            chi2: parts.iter().map(|own| own.chi2).sum(),
+            locals: parts.into_iter().flat_map(|own| own.locals).collect(),
+            covariance: DMatrix::zeros(0, 0),
+            at_bound: Vec::new(),
+        }
+    }
 }
 
 /// Mean square of the residuals above which a fit that hardly moves is given up.
@@ -79,6 +93,11 @@ pub fn fit<S: System + ?Sized>(
     locals: &[Vec<f64>],
     iterations: usize,
 ) -> Fit {
+    // Without shared parameters the records have nothing to do with each other.
+    if free.is_empty() && records.len() > 1 {
+        let one = |i: usize| fit(system, &records[i..=i], p, free, &locals[i..=i], iterations);
+        return Fit::joined(p, parallel::map(records.len(), one));
+    }
     let (mut p, mut locals) = (p.to_vec(), locals.to_vec());
     for f in free {
         p[f.index] = p[f.index].clamp(f.bounds.0, f.bounds.1);
@@ -262,6 +281,19 @@ mod tests {
         // The fit ends when a step gains less than 2e-3: some hundredths of the standard deviation.
         assert!((found.parameters[0] - numerator / denominator).abs() < 0.02 / f64::sqrt(denominator));
         assert!((found.covariance[(0, 0)] * denominator - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn local_parameters_alone_are_those_of_each_record_alone() {
+        let system = Lines::new(3.0, 0.0);
+        let found = fit(&system, &[0, 1], &[3.0, 0.0], &[], &[vec![7.0], vec![-9.0]], 20);
+        for (r, own) in found.locals.iter().enumerate() {
+            let values = system.predict(r, &[3.0, 0.0], &[0.0]);
+            let mean = system.values[r].iter().zip(&values).map(|(y, line)| y - line).sum::<f64>() / 512.0;
+            assert!((own[0] - mean).abs() < 0.02 / f64::sqrt(512.0), "{} {mean}", own[0]);
+        }
+        let residuals = residuals(&system, &[0, 1], &[3.0, 0.0], &found.locals);
+        assert!((cost(&[3.0, 0.0], &[], &residuals) / found.chi2 - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -43,7 +43,7 @@ impl Finder<'_> {
     ) -> Option<FreeForm> {
         let knots: Option<Vec<Vec<f64>>> =
             variables.iter().zip(counts).map(|(own, count)| self.knots(study, tap, *own, *count)).collect();
-        self.form(study, declared, tap, Surface { variables: variables.into(), knots: knots? })
+        self.form(study, declared, tap, Surface::new(variables.into(), knots?))
     }
 
     /// Adds an attachment with the signals that it shows in the estimation records, `[n]`; its place.

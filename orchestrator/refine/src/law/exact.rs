@@ -9,12 +9,16 @@ use super::grammar::{Axis, Formula, product};
 use super::place::CURVE_KNOTS;
 use super::study::{Aim, Finder, Found, corrections, extended, push};
 use super::written::{curve_text, effect, read};
+use crate::answer::Answer;
 use crate::engine::fit::Free;
 use crate::engine::stop;
+use crate::study::declaration::Role;
+use crate::study::errors::errors;
 use crate::study::explain::Judge;
-use crate::study::fits::Model;
+use crate::study::fits::{Model, pieces};
 use crate::study::law::{Law as Block, Variable};
 use crate::study::model::{Action, Entry, Study, Target};
+use crate::study::ruling::share;
 use crate::vocabulary::Own;
 use crate::vocabulary::own::Parameter as OwnParameter;
 
@@ -35,6 +39,11 @@ const MAX_ERROR_OVER_FREE_FORM: f64 = 1.1;
 /// Share of the declared model's power above noise from which on a free form leaves too much for any law: a law that is
 /// an answer leaves next to nothing of it.
 const MAX_EXCESS_OF_FREE_FORM: f64 = 0.5;
+
+/// Share of the error on validation records that a free form takes away, below which no formula for it is fitted: it
+/// stands for something else in the estimation records. Less than a law needs: a formula goes on beyond the data better
+/// than a curve does.
+const MIN_VALIDATED_SHARE_OF_FREE_FORM: f64 = 0.7;
 
 /// A formula that was fitted exactly.
 struct Tried {
@@ -70,7 +79,7 @@ impl Finder<'_> {
     pub(super) fn law(
         &self,
         study: &mut Study,
-        judge: &Judge,
+        (judge, answer): (&Judge, &Answer),
         declared: &Model,
         form: &FreeForm,
     ) -> Option<Found> {
@@ -87,6 +96,9 @@ impl Finder<'_> {
         let excess = |error: f64| (error * error - self.noise_of_sample(study)).max(0.0);
         let leaves_much = excess(whole.error) > MAX_EXCESS_OF_FREE_FORM * excess(declared.error);
         if whole.error > self.max_error || leaves_much {
+            return None;
+        }
+        if self.validated(study, answer, whole) < MIN_VALIDATED_SHARE_OF_FREE_FORM {
             return None;
         }
         let place = Place { form, whole, axes: &axes, units: &units };
@@ -145,6 +157,14 @@ impl Finder<'_> {
             rivals,
             axes,
         })
+    }
+
+    /// Share of the error on validation records that a free form takes away.
+    fn validated(&self, study: &Study, answer: &Answer, form: &FreeForm) -> f64 {
+        let validation = pieces(study, Role::Validation);
+        let after = errors(&self.fits(study), &[form.candidate], &validation, &form.at.parameters, None);
+        let floor = &answer.floor[1];
+        share(study, [&answer.before[1], &after], &[floor.clone(), floor.clone()])
     }
 
     /// A formula fitted to whole records, beside further `corrections` of the declared model in units of the noise.

@@ -93,7 +93,7 @@ impl Finder<'_> {
         for (tap, variable) in places(study) {
             let count = if variable == Variable::Time { 16 } else { SCREENING_KNOTS };
             let Some(knots) = self.knots(study, tap, variable, count) else { continue };
-            let surface = Surface { variables: vec![variable], knots: vec![knots] };
+            let surface = Surface::new(vec![variable], vec![knots]);
             if let Some(form) = self.form(study, declared, tap, surface) {
                 singles.push(form);
             }
@@ -146,7 +146,7 @@ impl Finder<'_> {
             let knots: Option<Vec<Vec<f64>>> =
                 variables.iter().map(|own| self.knots(study, tap, *own, SURFACE_KNOTS)).collect();
             let Some(knots) = knots else { continue };
-            let surface = Surface { variables: variables.into(), knots };
+            let surface = Surface::new(variables.into(), knots);
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
             if left < MAX_ERROR_WITHOUT_SECOND * self.noise {
                 break;
@@ -174,7 +174,7 @@ impl Finder<'_> {
         let mut law = None;
         for form in observed.iter().chain(&crossed).chain(is_place.then_some(&form)) {
             if law.is_none() && enough(form) {
-                law = self.law(study, judge, declared, form);
+                law = self.law(study, (judge, answer), declared, form);
             }
         }
         let near = |other: &&FreeForm| {
@@ -189,7 +189,7 @@ impl Finder<'_> {
             }
             let least = MAX_ERROR_AT_OTHER_PORT * first.model.error;
             let found = self.fine(study, declared, (other.tap, other.surface.variables[0]));
-            let found = found.and_then(|form| self.law(study, judge, declared, &form));
+            let found = found.and_then(|form| self.law(study, (judge, answer), declared, &form));
             let better =
                 |own: &Found| own.model.error < least || judge.explained(&self.fits(study), &own.model);
             law = found.filter(|own| own.named && better(own)).or(law);
@@ -269,7 +269,7 @@ impl Finder<'_> {
     ) -> Option<FreeForm> {
         let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
         let knots = self.knots(study, tap, variable, count)?;
-        let surface = Surface { variables: vec![variable], knots: vec![knots] };
+        let surface = Surface::new(vec![variable], vec![knots]);
         let form = self.form(study, declared, tap, surface)?;
         self.toward(study, form)
     }

@@ -246,7 +246,7 @@ impl Finder<'_> {
         let alone = variables.len() == 1;
         let knots: Option<Vec<Vec<f64>>> =
             variables.iter().map(|own| self.knots(*own, count(*own, alone))).collect();
-        let surface = Surface { variables: variables.to_vec(), knots: knots? };
+        let surface = Surface::new(variables.to_vec(), knots?);
         let rig = self.with(place, Form::Surface(surface.clone()));
         let system = Subset { system: &rig, records: self.records.clone() };
         let heights = self.heights(place, surface.heights());

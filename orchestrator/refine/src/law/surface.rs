@@ -12,52 +12,88 @@ pub struct Surface {
     pub variables: Vec<Variable>,
     /// Rising knots along each, at least three.
     pub knots: Vec<Vec<f64>>,
+    /// Weights along each: below the first knot, from knot to knot, above the last.
+    pieces: Vec<Vec<Piece>>,
 }
 
-/// Weights of the heights for a place: those of four neighbors are not zero.
-fn weights(knots: &[f64], at: f64) -> (usize, [f64; 4]) {
-    let last = knots.len() - 1;
-    let piece = knots[1..last].iter().take_while(|knot| at >= **knot).count();
-    // First of the four knots that count, and slopes at two knots as weights of these four.
-    let first = piece.saturating_sub(1).min(knots.len().saturating_sub(4));
-    let slope = |k: usize| {
-        let middle = k.clamp(1, last - 1);
-        let (h0, h1) = (knots[middle] - knots[middle - 1], knots[middle + 1] - knots[middle]);
-        let part = match k.cmp(&middle) {
-            std::cmp::Ordering::Less => -h0,
-            std::cmp::Ordering::Greater => h0 + 2.0 * h1,
-            std::cmp::Ordering::Equal => h0,
-        } / (h0 + h1);
-        // (1 - part) of the left chord, part of the right one.
-        let mut own = [0.0; 4];
-        own[middle - 1 - first] -= (1.0 - part) / h0;
-        own[middle - first] += (1.0 - part) / h0 - part / h1;
-        own[middle + 1 - first] += part / h1;
-        own
-    };
-    let mut found = [0.0; 4];
-    let mut add = |own: [f64; 4], factor: f64| found.iter_mut().zip(own).for_each(|(w, o)| *w += factor * o);
-    let one = |k: usize| std::array::from_fn(|i| f64::from(u8::from(i + first == k)));
-    let (left, right) = (knots[piece], knots[piece + 1]);
-    if at < left {
-        add(one(0), 1.0);
-        add(slope(0), at - left);
-    } else if at > right {
-        add(one(last), 1.0);
-        add(slope(last), at - right);
-    } else {
-        let width = right - left;
-        let s = (at - left) / width;
-        let r = 1.0 - s;
-        add(one(piece), (1.0 + 2.0 * s) * r * r);
-        add(one(piece + 1), s * s * (3.0 - 2.0 * s));
-        add(slope(piece), width * s * r * r);
-        add(slope(piece + 1), -width * s * s * r);
+/// Weights of the heights between two knots: those of four neighbors are not zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Piece {
+    /// Knot from which the place is counted, and the reciprocal of the length in which it is.
+    origin: f64,
+    rate: f64,
+    /// First of the four heights.
+    first: usize,
+    /// Coefficients of the four weights for the powers 0 to 3 of the place.
+    coefficients: [[f64; 4]; 4],
+}
+
+impl Piece {
+    /// Piece `k` of the knots: 0 below the first knot, their number above the last.
+    fn new(knots: &[f64], k: usize) -> Piece {
+        let last = knots.len() - 1;
+        let left = k.clamp(1, last) - 1;
+        let first = left.saturating_sub(1).min(knots.len().saturating_sub(4));
+        // Heights at two knots and slopes there as weights of these four.
+        let one = |k: usize| std::array::from_fn(|i| f64::from(u8::from(i + first == k)));
+        let slope = |k: usize| {
+            let middle = k.clamp(1, last - 1);
+            let (h0, h1) = (knots[middle] - knots[middle - 1], knots[middle + 1] - knots[middle]);
+            let part = match k.cmp(&middle) {
+                std::cmp::Ordering::Less => -h0,
+                std::cmp::Ordering::Greater => h0 + 2.0 * h1,
+                std::cmp::Ordering::Equal => h0,
+            } / (h0 + h1);
+            // (1 - part) of the left chord, part of the right one.
+            let mut own = [0.0; 4];
+            own[middle - 1 - first] -= (1.0 - part) / h0;
+            own[middle - first] += (1.0 - part) / h0 - part / h1;
+            own[middle + 1 - first] += part / h1;
+            own
+        };
+        let of = |terms: [(f64, [f64; 4]); 4]| -> [f64; 4] {
+            std::array::from_fn(|i| terms.iter().map(|(factor, own)| factor * own[i]).sum())
+        };
+        let zero = [0.0; 4];
+        if k == 0 || k > last {
+            let end = if k == 0 { 0 } else { last };
+            let coefficients = [one(end), slope(end), zero, zero];
+            return Piece { origin: knots[end], rate: 1.0, first, coefficients };
+        }
+        // Hermite's cubic.
+        let width = knots[k] - knots[k - 1];
+        let (y0, y1, m0, m1) = (one(left), one(left + 1), slope(left), slope(left + 1));
+        let coefficients = [
+            y0,
+            m0.map(|own| width * own),
+            of([(-3.0, y0), (3.0, y1), (-2.0 * width, m0), (-width, m1)]),
+            of([(2.0, y0), (-2.0, y1), (width, m0), (width, m1)]),
+        ];
+        Piece { origin: knots[left], rate: 1.0 / width, first, coefficients }
     }
-    (first, found)
+
+    fn weights(&self, at: f64) -> [f64; 4] {
+        let place = (at - self.origin) * self.rate;
+        let [c0, c1, c2, c3] = &self.coefficients;
+        std::array::from_fn(|i| c0[i] + place * (c1[i] + place * (c2[i] + place * c3[i])))
+    }
 }
 
 impl Surface {
+    /// Over one or two `variables`, with rising knots along each, at least three.
+    pub fn new(variables: Vec<Variable>, knots: Vec<Vec<f64>>) -> Surface {
+        let along = |knots: &Vec<f64>| (0..=knots.len()).map(|k| Piece::new(knots, k)).collect();
+        let pieces = knots.iter().map(along).collect();
+        Surface { variables, knots, pieces }
+    }
+
+    /// First height that counts along a variable, and the weights of four.
+    fn weights(&self, variable: usize, point: &Point) -> (usize, [f64; 4]) {
+        let at = point.of(self.variables[variable]);
+        let piece = &self.pieces[variable][self.knots[variable].partition_point(|knot| at >= *knot)];
+        (piece.first, piece.weights(at))
+    }
+
     /// Number of heights.
     pub fn heights(&self) -> usize {
         self.knots.iter().map(Vec::len).product()
@@ -65,13 +101,12 @@ impl Surface {
 
     /// Value at a point for heights of shape [`Surface::heights`].
     pub fn value(&self, heights: &[f64], point: &Point) -> f64 {
-        let at = |i: usize| weights(&self.knots[i], point.of(self.variables[i]));
-        let (first, own) = at(0);
+        let (first, own) = self.weights(0, point);
         let used = |count: usize| count.min(4);
         match self.knots.get(1) {
             None => (0..used(self.knots[0].len())).map(|i| own[i] * heights[first + i]).sum(),
             Some(other) => {
-                let (second, across) = at(1);
+                let (second, across) = self.weights(1, point);
                 let row = |i: usize| {
                     let begin = (first + i) * other.len() + second;
                     (0..used(other.len())).map(|j| across[j] * heights[begin + j]).sum::<f64>()
@@ -83,13 +118,12 @@ impl Surface {
 
     /// Gives the number and the weight of every height that counts at a point.
     pub fn each_weight(&self, point: &Point, mut give: impl FnMut(usize, f64)) {
-        let at = |i: usize| weights(&self.knots[i], point.of(self.variables[i]));
-        let (first, own) = at(0);
+        let (first, own) = self.weights(0, point);
         let rows = own.iter().take(self.knots[0].len()).enumerate();
         match self.knots.get(1) {
             None => rows.for_each(|(i, weight)| give(first + i, *weight)),
             Some(other) => {
-                let (second, across) = at(1);
+                let (second, across) = self.weights(1, point);
                 for (i, weight) in rows {
                     let begin = (first + i) * other.len() + second;
                     let row = across.iter().take(other.len()).enumerate();
@@ -177,7 +211,7 @@ mod tests {
     #[test]
     fn parabolas_are_met_exactly_between_knots_and_continue_straight() {
         let knots = vec![-1.0, -0.4, 0.1, 0.5, 1.2, 2.0];
-        let surface = Surface { variables: vec![Variable::Position], knots: vec![knots] };
+        let surface = Surface::new(vec![Variable::Position], vec![knots]);
         let f = |x: f64| 1.0 + 2.0 * x - 3.0 * x * x;
         let heights = surface.heights_of(|x| f(x[0]));
         let value = |x: f64| surface.value(&heights, &Point { position: x, ..Point::default() });
@@ -191,7 +225,7 @@ mod tests {
     #[test]
     fn products_over_two_variables_are_met_at_their_knots_and_between() {
         let knots = vec![vec![-1.0, 0.0, 0.5, 1.0], vec![-2.0, -1.0, 1.0, 2.0, 4.0]];
-        let surface = Surface { variables: vec![Variable::Position, Variable::Velocity], knots };
+        let surface = Surface::new(vec![Variable::Position, Variable::Velocity], knots);
         let heights = surface.heights_of(|at| at[0] * at[0] * (1.0 + at[1]));
         for (x, v) in [(-1.0, 4.0), (0.3, -0.7), (0.9, 3.1)] {
             let found = surface.value(&heights, &Point { position: x, velocity: v, ..Point::default() });
@@ -201,7 +235,7 @@ mod tests {
 
     #[test]
     fn three_knots_are_a_parabola_and_lines_have_no_roughness() {
-        let surface = Surface { variables: vec![Variable::Position], knots: vec![vec![0.0, 1.0, 3.0]] };
+        let surface = Surface::new(vec![Variable::Position], vec![vec![0.0, 1.0, 3.0]]);
         let heights = surface.heights_of(|x| x[0] * x[0]);
         let value = |x: f64| surface.value(&heights, &Point { position: x, ..Point::default() });
         assert!((value(2.0) - 4.0).abs() < 1e-12);

@@ -9,7 +9,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::surface::Surface;
 use crate::engine::System;
 use crate::engine::fit::{Free, fit};
-use crate::engine::near::fit_near;
+use crate::engine::near::{Near, fit_near};
 use crate::engine::normal::{Columns, columns, dot};
 use crate::engine::{parallel, stop};
 use crate::study::law::Variable;
@@ -295,14 +295,30 @@ impl Approach {
         rounds: usize,
     ) -> Option<Approach> {
         let records: Vec<usize> = (0..self.locals.len()).collect();
-        // Initial states follow by the derivatives that are known, where these hold or suffice for a gain.
-        let simulated = |p: &[f64], own: &Approach| {
-            let near = fit_near(system, &records, p, &[], &own.locals, own.surrogate.locals.clone());
-            let enough = near.settled || near.fit.chi2 < own.chi2;
-            if enough { near.fit } else { fit(system, &records, p, &[], &own.locals, 6) }
+        // Initial states follow by the derivatives that are known, record by record, where these hold or suffice for a
+        // gain.
+        let simulated = |p: &[f64], own: &Approach| -> (f64, Vec<Vec<f64>>) {
+            let near = |r: usize| {
+                let (locals, known) = (&own.locals[r..=r], own.surrogate.locals[r..=r].to_vec());
+                fit_near(system, &[r], p, &[], locals, known)
+            };
+            let mut found = parallel::map(records.len(), near);
+            let chi2 = |found: &[Near]| found.iter().map(|own| own.fit.chi2).sum::<f64>();
+            if !(chi2(&found) < own.chi2) {
+                let again = |r: usize| {
+                    let near = &found[r];
+                    let fit = || fit(system, &[r], p, &[], &near.fit.locals, 6);
+                    (!near.settled).then(fit)
+                };
+                let again = parallel::map(records.len(), again);
+                found
+                    .iter_mut()
+                    .zip(again)
+                    .for_each(|(own, again)| own.fit = again.unwrap_or(own.fit.clone()));
+            }
+            (chi2(&found), found.into_iter().flat_map(|own| own.fit.locals).collect())
         };
-        let first = simulated(&self.parameters, &self);
-        (self.chi2, self.locals) = (first.chi2, first.locals);
+        (self.chi2, self.locals) = simulated(&self.parameters, &self);
         let without = self.smooth.without;
         for _ in 0..rounds {
             let mut next = None;
@@ -314,15 +330,15 @@ impl Approach {
                 for (own, change) in free[1].iter().zip(&self.smooth.shared) {
                     p[own.index] = (p[own.index] + part * change).clamp(own.bounds.0, own.bounds.1);
                 }
-                let found = simulated(&p, &self);
-                if found.chi2.is_finite() && found.chi2 < self.chi2 {
-                    next = Some(found);
+                let (chi2, locals) = simulated(&p, &self);
+                if chi2.is_finite() && chi2 < self.chi2 {
+                    next = Some((chi2, p, locals));
                     break;
                 }
             }
-            let Some(found) = next else { break };
-            let settled = found.chi2 > MIN_ERROR_RATIO_OF_STEP * self.chi2;
-            (self.chi2, self.parameters, self.locals) = (found.chi2, found.parameters, found.locals);
+            let Some((chi2, p, locals)) = next else { break };
+            let settled = chi2 > MIN_ERROR_RATIO_OF_STEP * self.chi2;
+            (self.chi2, self.parameters, self.locals) = (chi2, p, locals);
             let groups = self.groups.as_deref();
             self.surrogate =
                 Surrogate::new(system, surface, &self.parameters, free, &self.locals, groups, None);

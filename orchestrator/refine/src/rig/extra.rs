@@ -90,7 +90,7 @@ mod tests {
         let own = rig(actuator, N, &noises, &[]);
         // Knots close together on both sides, as slopes of the curve reach over one knot.
         let knots = vec![vec![0.0, 0.297, 0.298, 0.299, 0.3, 0.301, 0.302, 0.6]];
-        let surface = Surface { variables: vec![Variable::Time], knots };
+        let surface = Surface::new(vec![Variable::Time], knots);
         let extra = place.map(|place| Arc::new(Extra { place, form: Form::Surface(surface) }));
         let heights = if extra.is_some() { vec![0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5] } else { Vec::new() };
         let own = Coupled { extra, ..own };

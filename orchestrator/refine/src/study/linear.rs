@@ -222,7 +222,7 @@ mod tests {
         fs::write(&path, text).unwrap();
         let mut study = prepared(&File::read(&path).unwrap(), 1, &|_| {}).unwrap().study;
         let knots = vec![vec![-2.0, -1.0, 0.0, 1.0, 2.0], vec![-2.0, -0.2, 0.2, 2.0]];
-        let surface = Surface { variables: vec![Variable::Position, Variable::Velocity], knots };
+        let surface = Surface::new(vec![Variable::Position, Variable::Velocity], knots);
         let heights = surface.heights_of(|at| (1.0 + 0.2 * at[0]) * (3.0 * at[1]).tanh());
         let first = study.entries.len();
         let entries = heights.iter().enumerate().map(|(k, height)| {

@@ -28,6 +28,7 @@ pub(crate) mod clipping;
 pub mod command;
 pub mod dataset;
 pub mod declaration;
+mod driven;
 pub mod effects;
 pub mod errors;
 pub mod exact;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::blocks::{Acting, Blocks, Survey};
 use super::declaration::{Initial, InitialWord};
+use super::driven::Driven;
 use super::law::{Law, Point};
 use super::memory::Memory;
 use super::model::{Action, Study, Target};
@@ -240,16 +241,11 @@ impl<'a> View<'a> {
         };
         let held: Vec<bool> =
             study.held.iter().enumerate().map(|(slot, own)| *own && !smooth(slot)).collect();
-        let set = |plant: &mut Plant, k: usize, part: f64| {
-            for (slot, values) in inputs.iter().enumerate() {
-                let Some(values) = values else { continue };
-                let here = values[past + k];
-                let next = values[past + (k + 1).min(record.n - 1)];
-                plant.slots[slot] = if held[slot] { here } else { here + part * (next - here) };
-            }
-            let first = plant.extra_first;
+        let mut driven = Driven::new(&inputs, &held, record.n);
+        let first_extra = plant.extra_first;
+        let show = |plant: &mut Plant, k: usize| {
             for (slot, values) in extra.iter().enumerate() {
-                plant.slots[first + slot] = values[k];
+                plant.slots[first_extra + slot] = values[k];
             }
         };
         let own = !self.begins.is_empty();
@@ -279,7 +275,9 @@ impl<'a> View<'a> {
         });
         plant.keep_pace(step, follows_outputs);
         let ahead = plant.communication_step().map_or(0.0, |own| 0.5 * own);
-        set(plant, begin, ahead / step);
+        driven.at(begin);
+        driven.set(&mut plant.slots, ahead / step);
+        show(plant, begin);
         let before = Before { inputs: &inputs, held: &held, end: past + begin, most: n, step };
         plant.initialize_after(&before, &given, &fixed, begin as f64 * step, &mut x, &pass)?;
         let start = x.clone();
@@ -298,16 +296,18 @@ impl<'a> View<'a> {
                 blocks.rest();
             }
             let t = k as f64 * step;
+            driven.at(k);
+            show(plant, k);
             // Sums of steps are not their multiples to the last bit.
             blocks.time = t;
             let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
-                set(plant, k, (time - t) / step);
+                driven.set(&mut plant.slots, (time - t) / step);
                 blocks.now.set(time);
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             let event = |plant: &mut Plant, (time, state): (f64, bool), x: &mut [f64], blocks: &Blocks| {
                 // A slave holds a moving input at its mean over the communication step.
-                set(plant, k, (time - t + ahead) / step);
+                driven.set(&mut plant.slots, (time - t + ahead) / step);
                 blocks.now.set(time);
                 plant.event((time, state), x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
