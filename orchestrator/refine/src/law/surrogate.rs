@@ -22,6 +22,8 @@ const MIN_RECORDS_FOR_WHOLE: usize = 4;
 const PENALTIES: [f64; 9] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 /// Ratio of errors from which on another step gains nothing.
 const MIN_ERROR_RATIO_OF_STEP: f64 = 0.97;
+/// Rounds of a fit of initial states where known derivatives do not hold.
+const LOCAL_ROUNDS: usize = 6;
 /// Share of the held-out error within which more penalty wins.
 const MAX_RISE_FOR_PENALTY: f64 = 0.005;
 
@@ -304,17 +306,18 @@ impl Approach {
             };
             let mut found = parallel::map(records.len(), near);
             let chi2 = |found: &[Near]| found.iter().map(|own| own.fit.chi2).sum::<f64>();
-            if !(chi2(&found) < own.chi2) {
+            let gains = chi2(&found) < own.chi2;
+            if !gains {
                 let again = |r: usize| {
                     let near = &found[r];
-                    let fit = || fit(system, &[r], p, &[], &near.fit.locals, 6);
-                    (!near.settled).then(fit)
+                    (!near.settled).then(|| fit(system, &[r], p, &[], &near.fit.locals, LOCAL_ROUNDS))
                 };
                 let again = parallel::map(records.len(), again);
-                found
-                    .iter_mut()
-                    .zip(again)
-                    .for_each(|(own, again)| own.fit = again.unwrap_or(own.fit.clone()));
+                for (own, again) in found.iter_mut().zip(again) {
+                    if let Some(fit) = again {
+                        own.fit = fit;
+                    }
+                }
             }
             (chi2(&found), found.into_iter().flat_map(|own| own.fit.locals).collect())
         };

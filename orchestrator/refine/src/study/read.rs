@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::Path;
 
 use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
 use super::plant::Parameter;
@@ -12,6 +13,7 @@ use airloop_cosim::system::SystemGraph;
 use airloop_series::names::without_unit;
 use airloop_series::units::{Compatibility, compatible, lookup};
 use airloop_series::{TimeSeries, csv};
+use toml::Spanned;
 
 /// A segment on a uniform grid.
 #[derive(Debug, Clone)]
@@ -161,6 +163,27 @@ fn conversion(
     }
 }
 
+fn no_column(source: &TimeSeries, name: &str) -> String {
+    let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
+    let hint = without_unit(name, known.iter().copied());
+    format!("there is no column `{name}`{hint}; the file has: {}", known.join(", "))
+}
+
+/// Refuses a signal whose column a file lacks, at its place in the study.
+fn has_columns(file: &File, source: &TimeSeries, path: &Path) -> Result<(), Error> {
+    let own = &file.declaration;
+    let signals = [&own.inputs, &own.states, &own.signals].into_iter().flat_map(BTreeMap::values);
+    let named = signals.filter_map(|signal| Some((signal.span(), signal.get_ref().source()?)));
+    let outputs = own.outputs.values().map(|output| (output.span(), &output.get_ref().column));
+    match named.chain(outputs).find(|(_, name)| source.channel(name).is_none()) {
+        Some((span, name)) => {
+            let problem = format!("{}: {}", path.display(), no_column(source, name));
+            Err(file.refuse(&Spanned::new(span, ()), problem))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Values of a column as they stand in a series, in the unit `wanted`.
 fn in_unit(
     source: &TimeSeries,
@@ -168,11 +191,7 @@ fn in_unit(
     signal: &Signal,
     wanted: Option<&str>,
 ) -> Result<Vec<f64>, String> {
-    let channel = source.channel(name).ok_or_else(|| {
-        let known: Vec<&str> = source.channels().iter().map(|c| c.name.as_str()).collect();
-        let hint = without_unit(name, known.iter().copied());
-        format!("there is no column `{name}`{hint}; the file has: {}", known.join(", "))
-    })?;
+    let channel = source.channel(name).ok_or_else(|| no_column(source, name))?;
     let (first, others) = channel.values.split_first().unwrap_or((&0.0, &[]));
     if signal.derivative_of.is_some() && others.iter().all(|value| value == first) {
         return Err(format!("column `{name}` never changes, so its derivative says nothing"));
@@ -255,6 +274,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
             let series = csv::read_with_gaps(&path)?;
+            has_columns(file, &series, &path)?;
             let series =
                 cleaned::without(series, &segment.file, &measured, &states, notes).map_err(&refuse)?;
             let series = cleaned::emptied(series, &segment.file, &compared, notes);

@@ -204,7 +204,8 @@ impl<'a> View<'a> {
         for (kind, input, entries) in commands {
             if let Some(values) = &mut inputs[input] {
                 // A lag begins settled, as its block in the amended system does.
-                let past = if kind.remembers() { 0 } else { values.len() - record.n };
+                let before = record.past[input].as_ref().map_or(0, Vec::len);
+                let past = if kind.remembers() { 0 } else { before };
                 let own = kind.apply(&p[entries], &values[past..], record.step, self.study.held[input]);
                 values[past..].copy_from_slice(&own);
             }
@@ -241,7 +242,7 @@ impl<'a> View<'a> {
         };
         let held: Vec<bool> =
             study.held.iter().enumerate().map(|(slot, own)| *own && !smooth(slot)).collect();
-        let mut driven = Driven::new(&inputs, &held, record.n);
+        let mut driven = Driven::new(&inputs, &held, (past, record.n));
         let first_extra = plant.extra_first;
         let show = |plant: &mut Plant, k: usize| {
             for (slot, values) in extra.iter().enumerate() {
