@@ -23,6 +23,7 @@ class Declared:
     parameters: dict
     start: dict = dataclasses.field(default_factory=dict)
     short: bool = True
+    hidden: tuple = ()
 
     def declared(self):
         return {name: value for name, (value, _, _) in self.parameters.items()}
