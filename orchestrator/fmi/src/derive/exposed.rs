@@ -1,7 +1,7 @@
 //! FMUs whose local variables are outputs: a system of other tools connects outputs only.
 //!
-//! The library stays as it is, and so does the identity by which it knows its description: only the causality of the
-//! variables and their entries in the model structure change.
+//! The library stays as it is, and so does the GUID (instantiation token) that it compares with its own: only the
+//! causality of the variables and their entries in the model structure change.
 
 use std::ops::Range;
 use std::path::Path;
@@ -219,13 +219,11 @@ impl Places {
             true => [tag.end, self.last.unwrap_or(tag.end)],
             false => [tag.end, self.structure_end],
         };
-        let names = ["Outputs", "InitialUnknowns"];
         let one = |i: usize| match &self.lists[i] {
             Some((tag, true)) => (tag.clone(), new[i].clone()),
             Some((tag, false)) => (tag.end..tag.end, [&outputs, &unknowns][i].clone()),
             None => (lacking[i]..lacking[i], new[i].clone()),
         };
-        let found = (0..names.len()).map(one).filter(|(_, text)| !text.is_empty());
-        Some(found.collect())
+        Some([0, 1].map(one).into_iter().filter(|(_, text)| !text.is_empty()).collect())
     }
 }
