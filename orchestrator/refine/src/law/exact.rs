@@ -45,6 +45,9 @@ const MAX_EXCESS_OF_FREE_FORM: f64 = 0.5;
 /// than a curve does.
 const MIN_VALIDATED_SHARE_OF_FREE_FORM: f64 = 0.7;
 
+/// Validation records know nothing of a free form. No other is looked at then: these records judge, and choose nothing.
+pub(super) struct Refuted;
+
 /// A formula that was fitted exactly.
 struct Tried {
     model: Model,
@@ -75,14 +78,17 @@ struct Place<'a> {
 }
 
 impl Finder<'_> {
-    /// Formulas for a free form, fitted exactly; the law.
+    /// Formulas for a free form, fitted exactly; the law, if there is one.
+    ///
+    /// # Errors
+    /// The free form takes too little from the error on validation records.
     pub(super) fn law(
         &self,
         study: &mut Study,
         (judge, answer): (&Judge, &Answer),
         declared: &Model,
         form: &FreeForm,
-    ) -> Option<Found> {
+    ) -> Result<Option<Found>, Refuted> {
         (self.say)("formulas for the free form");
         let axes = self.axes(study, form.tap, &form.surface);
         let list = formula::Search::new(&form.at.surrogate, &form.surface, &axes)
@@ -96,10 +102,10 @@ impl Finder<'_> {
         let excess = |error: f64| (error * error - self.noise_of_sample(study)).max(0.0);
         let leaves_much = excess(whole.error) > MAX_EXCESS_OF_FREE_FORM * excess(declared.error);
         if whole.error > self.max_error || leaves_much {
-            return None;
+            return Ok(None);
         }
         if self.validated(study, answer, whole) < MIN_VALIDATED_SHARE_OF_FREE_FORM {
-            return None;
+            return Err(Refuted);
         }
         let place = Place { form, whole, axes: &axes, units: &units };
         (self.say)("exact fits of formulas");
@@ -144,9 +150,12 @@ impl Finder<'_> {
         let named = best.is_some();
         let (model, effect, share) = match best {
             Some(own) => own,
-            None => self.curve(study, &place)?,
+            None => match self.curve(study, &place) {
+                Some(own) => own,
+                None => return Ok(None),
+            },
         };
-        Some(Found {
+        Ok(Some(Found {
             tap: form.tap,
             variables: form.surface.variables.clone(),
             curve: whole.at.curve(&whole.surface, model.error.max(judge.power.sqrt())),
@@ -156,7 +165,7 @@ impl Finder<'_> {
             share,
             rivals,
             axes,
-        })
+        }))
     }
 
     /// Share of the error on validation records that a free form takes away.

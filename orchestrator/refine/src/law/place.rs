@@ -1,5 +1,6 @@
 //! Port of a study, and variables there, over which a free form explains most of the residual.
 
+use super::exact::Refuted;
 use super::free_form::FreeForm;
 use super::study::{Finder, Found, Outcome};
 use super::surface::Surface;
@@ -174,7 +175,10 @@ impl Finder<'_> {
         let mut law = None;
         for form in observed.iter().chain(&crossed).chain(is_place.then_some(&form)) {
             if law.is_none() && enough(form) {
-                law = self.law(study, (judge, answer), declared, form);
+                match self.law(study, (judge, answer), declared, form) {
+                    Ok(found) => law = found,
+                    Err(Refuted) => break,
+                }
             }
         }
         let near = |other: &&FreeForm| {
@@ -189,7 +193,7 @@ impl Finder<'_> {
             }
             let least = MAX_ERROR_AT_OTHER_PORT * first.model.error;
             let found = self.fine(study, declared, (other.tap, other.surface.variables[0]));
-            let found = found.and_then(|form| self.law(study, (judge, answer), declared, &form));
+            let found = found.and_then(|form| self.law(study, (judge, answer), declared, &form).ok()?);
             let better =
                 |own: &Found| own.model.error < least || judge.explained(&self.fits(study), &own.model);
             law = found.filter(|own| own.named && better(own)).or(law);
