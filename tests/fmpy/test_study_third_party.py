@@ -198,3 +198,21 @@ def test_a_delay_of_a_slow_process_is_in_the_amended_system(tmp_path):
     assert run.returncode == 0, run.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("case", "seed", "imitation", "reason"),
+    [
+        ("tanks_m_leakage_q_1", 501, "act.droop", "that is a gain"),
+        ("tanks_m_pair_gain_u_leakage_q_1", 301, "act.deadband", "no value lies in it: that is an offset"),
+    ],
+)
+def test_a_shape_that_no_record_shows_stands_for_nothing_else(tmp_path, case, seed, imitation, reason):
+    """A leak that no channel has, and a pump that never stops: a fall within the first seconds is a gain, a dead band an offset."""
+    folder, _ = machine(tmp_path, case, seed=seed)
+    result = refine(folder / "study.toml", tmp_path / "out")
+    assert result.returncode == 11, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == []
+    tried = [own for step in found["steps"] for own in step["candidates"] if own["id"] == imitation]
+    assert any(reason in (own["rejected"] or "") for own in tried), tried

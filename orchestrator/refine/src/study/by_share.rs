@@ -7,8 +7,8 @@ use super::changed;
 use super::explain::{self, Judge};
 use super::fits::{self, Fits};
 use super::influence::{Influential, Singles, influential};
-use super::model::{Action, Study, Target};
-use super::physical::physical;
+use super::model::{Study, Target};
+use super::physical::nonsense;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
 use super::whole::{Whole, candidate, model};
@@ -265,17 +265,10 @@ fn changes(study: &Study, known: &mut [question::Correction]) -> Vec<Candidate> 
 /// Why a fitted candidate makes no sense, if it does not.
 fn sense(study: &Study, model: &Model) -> Option<String> {
     let added: Vec<usize> = model.added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
-    let last = &study.candidates[*added.last()?];
-    if physical(study, &fits::Model::new(added, model.fit.clone(), f64::NAN)) {
-        return None;
-    }
-    Some(match last.action {
-        Action::Sensor { .. } => "a sensor is not off by half of what it shows".into(),
-        _ => format!(
-            "`{}` would give energy where it must take some, or its shape lies outside of what the records show",
-            last.name()
-        ),
-    })
+    // What is no candidate of the study, another value of a parameter, has no shape.
+    let &last = added.last()?;
+    let (c, why) = nonsense(study, &fits::Model::new(added, model.fit.clone(), f64::NAN))?;
+    Some(if c == last { why } else { format!("`{}` beside it: {why}", study.candidates[c].name()) })
 }
 
 fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], found: &Found) -> ByShare {

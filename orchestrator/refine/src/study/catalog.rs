@@ -112,8 +112,12 @@ pub(super) const STEP_OF_TURNS: f64 = 0.35;
 const LEVELS_BETWEEN_STARTS: f64 = 0.4;
 
 /// Points to start from, zeros where the linear step finds the value; none: the records do not excite it. `count`:
-/// parameters.
-fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f64>>, &'static str> {
+/// parameters, `duration`: of the longest record \[s\].
+fn starts(
+    law: Law,
+    count: usize,
+    (ranges, duration): (&[(f64, f64); 5], f64),
+) -> Result<Vec<Vec<f64>>, &'static str> {
     let [velocity, position, pressure_force, pressure, value] = *ranges;
     let width = |range: (f64, f64)| range.1 - range.0;
     let size = |range: (f64, f64)| range.0.abs().max(range.1.abs());
@@ -166,7 +170,7 @@ fn starts(law: Law, count: usize, ranges: &[(f64, f64); 5]) -> Result<Vec<Vec<f6
             let travel = if x > 0.0 { x } else { v };
             [1e-4, 1e-3, 5e-3, 2e-2].map(|part| vec![part * travel]).into()
         }
-        Law::Droop => [0.3, 1.0, 3.0].map(|tau| vec![0.0, tau]).into(),
+        Law::Droop => [0.03, 0.1, 0.3].map(|part| vec![0.0, part * duration]).into(),
         Law::DeadBand => [0.02, 0.1].map(|part| vec![part * size(value)]).into(),
         Law::Saturation => [0.95, 0.8, 0.6].map(|part| vec![part * size(value)]).into(),
         Law::Quantization => {
@@ -309,11 +313,12 @@ fn blocks_at(
 ) {
     let names: Vec<String> = study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();
     let free = |name: &Option<String>| name.as_ref().is_some_and(|name| names.contains(name));
+    let duration = study.range(tap, Variable::Time).1;
     for kind in list.iter().filter(|kind| wanted(attachment, kind.id)) {
         if declared_twin(attachment, kind.law, &free) {
             continue;
         }
-        match starts(kind.law, kind.parameters.len(), ranges) {
+        match starts(kind.law, kind.parameters.len(), (ranges, duration)) {
             Err(why) => study.not_testable.push((format!("{}@{}", kind.id, attachment.input), why.into())),
             Ok(starts) => push(study, kind, channel, tap, starts),
         }

@@ -21,63 +21,131 @@ const MIN_STEPS_OF_A_RANGE: f64 = 10.0;
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
+/// Share of the largest velocity over which Coulomb friction may change its sign.
+const MAX_SIGN_CHANGE: f64 = 0.2;
+
+/// Share of the travel that a period, of the largest velocity that a friction peak may take.
+const MAX_SHARE_OF_RANGE: f64 = 0.5;
+
+/// Share of the duration of the longest record over which a value may fall and not be lower from the beginning on.
+const MIN_SHARE_OF_DURATION: f64 = 0.02;
+
+/// Share of the travel over which friction may give way before it slides.
+const MAX_PRESLIDING: f64 = 0.25;
+
+/// Share of the Coulomb level by which friction that depends on the position may be negative.
+const MAX_NEGATIVE_FRICTION: f64 = 0.05;
+
 /// Whether a model may stand while it grows: those before the candidate added last are exchanged in the end.
 pub fn fitting(study: &Study, model: &Model) -> bool {
-    passive(study, model) && model.added.last().is_none_or(|&c| shown(study, model, c))
+    drives(study, model).is_none() && model.added.last().is_none_or(|&c| hidden(study, model, c).is_none())
 }
 
 /// Whether a model may be an answer.
 pub fn physical(study: &Study, model: &Model) -> bool {
-    passive(study, model) && model.added.iter().all(|&c| shown(study, model, c))
+    nonsense(study, model).is_none()
 }
 
-/// Whether the shape of a candidate shows in the records. Far from where the records were, a spring is a constant
-/// force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
-fn shown(study: &Study, model: &Model, c: usize) -> bool {
+/// Why a model may be no answer, if it may not: the candidate, and what speaks against it.
+pub fn nonsense(study: &Study, model: &Model) -> Option<(usize, String)> {
+    let shape = || model.added.iter().find_map(|&c| Some((c, hidden(study, model, c)?)));
+    drives(study, model).or_else(shape)
+}
+
+/// Why the shape of a candidate does not show in the records, if it does not. Far from where the records were, a spring
+/// is a constant force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
+fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
     let (p, own) = (&model.fit.parameters, &study.candidates[c]);
     let Action::Block { law, tap } = own.action else {
-        return own.id != "sensor.gain" || p[own.entries.start].abs() <= MAX_SENSOR_GAIN;
+        let beyond = own.id == "sensor.gain" && p[own.entries.start].abs() > MAX_SENSOR_GAIN;
+        return beyond.then(|| "a sensor is not off by half of what it shows".into());
     };
+    let p = &p[own.entries.clone()];
+    let [_, per_second, unit] = &study.taps[tap].units;
     let (low, high) = study.range(tap, Variable::Position);
-    let (travel, first) = (high - low, own.entries.start);
+    let travel = high - low;
     let (slowest, fastest) = study.range(tap, Variable::Velocity);
+    let speed = fastest.abs().max(slowest.abs());
+    let value = study.range(tap, Variable::Value);
+    let against = |shown: bool, what: String| (!shown).then_some(what);
+    let pulls = || against(p[0] > 0.0, "it would push away from where it rests".into());
+    let positions = || format!("the positions of the records, {low:.4} to {high:.4} {unit}");
     match law {
         Law::Spring => {
-            let rest = -p[first + 1] / p[first];
-            p[first] > 0.0 && (low - travel..=high + travel).contains(&rest)
+            let rest = -p[1] / p[0];
+            let near = (low - travel..=high + travel).contains(&rest);
+            pulls().or_else(|| {
+                against(near, format!("it would rest at {rest:.4} {unit}, far from {}", positions()))
+            })
         }
-        Law::EndStop | Law::LowerStop => {
-            reached(study, model, tap, Stop { at: p[first + 2], upper: law == Law::EndStop })
-        }
+        Law::EndStop | Law::LowerStop => against(
+            reached(study, model, tap, Stop { at: p[2], upper: law == Law::EndStop }),
+            format!("at {:.4} {unit} it would not end the motion: {}", p[2], positions()),
+        ),
         Law::Limits => {
-            let (below, above) = (p[first], p[first + 1]);
-            below < above && (below + above).abs() > MIN_ASYMMETRY * below.abs().max(above.abs())
+            let (below, above) = (p[0], p[1]);
+            let apart = (below + above).abs() > MIN_ASYMMETRY * below.abs().max(above.abs());
+            against(below < above, "its lower limit lies above the upper one".into())
+                .or_else(|| against(apart, "its two limits are one".into()))
         }
-        Law::Choked => p[first] > 0.0 && p[first + 1] <= high,
-        Law::CubicSpring => p[first] > 0.0 && (low..=high).contains(&p[first + 1]),
+        Law::Choked => against(p[0] > 0.0, "flow would run backward".into()).or_else(|| {
+            against(p[1] <= high, format!("no record comes to {:.4} {unit}, where it begins", p[1]))
+        }),
+        Law::CubicSpring => pulls().or_else(|| {
+            let within = (low..=high).contains(&p[1]);
+            against(within, format!("it would rest at {:.4} {unit}, outside of {}", p[1], positions()))
+        }),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
-        Law::Overflow => p[first] > 0.0 && p[first + 1] >= low,
-        Law::Coulomb if own.entries.len() == 2 => p[first + 1] <= 0.2 * fastest.abs().max(slowest.abs()),
+        Law::Overflow => against(p[0] > 0.0, "it would flow in".into())
+            .or_else(|| against(p[1] >= low, format!("at {:.4} {unit} it lies below {}", p[1], positions()))),
+        Law::Coulomb if p.len() == 2 => against(
+            p[1] <= MAX_SIGN_CHANGE * speed,
+            format!(
+                "its sign would change over {:.4} of {speed:.4} {per_second}: that is viscous friction",
+                p[1]
+            ),
+        ),
         // One below -1 is a wrong sign, no gain.
-        Law::Gain => p[first] > -1.0,
-        Law::Cogging => p[first + 2] <= 0.5 * travel,
+        Law::Gain => against(p[0] > -1.0, "it would turn the sign of what passes".into()),
+        Law::DeadBand => {
+            let (low, high) = value;
+            against(low <= p[0] && -p[0] <= high, "no value lies in it: that is an offset".into())
+        }
+        Law::Droop => {
+            let duration = study.range(tap, Variable::Time).1;
+            let slow = p[1] >= MIN_SHARE_OF_DURATION * duration;
+            against(slow, format!("it would fall over {:.4} s of {duration:.4} s: that is a gain", p[1]))
+        }
+        Law::Cogging => against(
+            p[2] <= MAX_SHARE_OF_RANGE * travel,
+            format!("its period of {:.4} {unit} is more than half of the travel of {travel:.4} {unit}", p[2]),
+        ),
         // An offset larger than any value that passed is another model of what it passes into.
         Law::Bias => {
-            let (low, high) = study.range(tap, Variable::Value);
-            high <= low || p[first].abs() <= high.max(-low)
+            let (low, high) = value;
+            let within = high <= low || p[0].abs() <= high.max(-low);
+            against(within, "it is larger than all values that passed".into())
         }
         // Coarser steps of a force look like a friction that holds.
         Law::Quantization => {
-            let (low, high) = study.range(tap, Variable::Value);
-            high <= low || MIN_STEPS_OF_A_RANGE * p[first] <= high - low
+            let (low, high) = value;
+            let fine = high <= low || MIN_STEPS_OF_A_RANGE * p[0] <= high - low;
+            against(fine, "its steps are more than a tenth of the range of the values".into())
         }
-        Law::Stribeck => p[first + 1] <= 0.5 * fastest.abs().max(slowest.abs()),
-        Law::Presliding => travel <= 0.0 || p[first] <= 0.25 * travel,
+        Law::Stribeck => against(
+            p[1] <= MAX_SHARE_OF_RANGE * speed,
+            format!("a peak over {:.4} of {speed:.4} {per_second} is Coulomb friction", p[1]),
+        ),
+        Law::Presliding => against(
+            travel <= 0.0 || p[0] <= MAX_PRESLIDING * travel,
+            format!("it would give way over {:.4} of {travel:.4} {unit}: that is a spring", p[0]),
+        ),
         Law::Own(index) => {
             let effect = &study.own[index];
-            !effect.dissipative || takes_energy(study, effect, tap, &p[own.entries.clone()])
+            let takes = !effect.dissipative || takes_energy(study, effect, tap, p);
+            against(takes, "it would give energy over the records, and is declared to take some".into())
         }
-        _ => true,
+        _ => None,
     }
 }
 
@@ -127,28 +195,27 @@ fn reached(study: &Study, model: &Model, tap: usize, stop: Stop) -> bool {
     stop.ends(&points.map(|point| point.position).collect::<Vec<f64>>())
 }
 
-/// Whether a fitted model takes energy out where friction should, over the whole range of the records.
-fn passive(study: &Study, model: &Model) -> bool {
+/// Which friction of a fitted model would drive somewhere in the range of the records, if any, and where.
+fn drives(study: &Study, model: &Model) -> Option<(usize, String)> {
     let p = &model.fit.parameters;
-    (0..study.taps.len()).all(|tap| {
+    (0..study.taps.len()).find_map(|tap| {
         let strength = |law: Law| {
-            let own = model.added.iter().map(|&c| &study.candidates[c]);
-            let found = own.filter(|c| c.action == Action::Block { law, tap }).map(|c| c.entries.start);
-            found.map(|index| (p[index], index)).next()
+            let here = |c: &&usize| study.candidates[**c].action == Action::Block { law, tap };
+            let &c = model.added.iter().find(here)?;
+            Some((p[study.candidates[c].entries.start], c))
         };
         let declared = study.taps[tap].coulomb.map_or(0.0, |level| level.of(p));
-        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |s| s.0);
-        let asymmetry = strength(Law::Asymmetry);
-        let forwards = asymmetry.map_or(0.0, |(force, _)| force);
+        let coulomb = declared + strength(Law::Coulomb).map_or(0.0, |own| own.0);
         // One direction may have less friction, not none; without Coulomb friction a force for one direction is a bias.
-        if asymmetry.is_some() && coulomb + forwards < 0.0 {
-            return false;
+        if let Some((forwards, c)) = strength(Law::Asymmetry)
+            && coulomb + forwards < 0.0
+        {
+            return Some((c, "friction would drive in one direction".into()));
         }
-        match strength(Law::PositionCoulomb) {
-            None => true,
-            Some((slope, _)) => study.ranges.get(tap).is_none_or(|range| {
-                [range[1].0, range[1].1].iter().all(|x| coulomb + slope * x >= -0.05 * coulomb.abs())
-            }),
-        }
+        let (slope, c) = strength(Law::PositionCoulomb)?;
+        let [_, (low, high), ..] = study.ranges.get(tap)?;
+        let least = -MAX_NEGATIVE_FRICTION * coulomb.abs();
+        let at = [low, high].into_iter().find(|x| coulomb + slope * **x < least)?;
+        Some((c, format!("friction would drive at {at:.4} {}", study.taps[tap].units[2])))
     })
 }
