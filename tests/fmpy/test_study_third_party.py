@@ -34,6 +34,11 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
     assert effect["params"][main]["value"] == pytest.approx(true["params"][main]["value"], rel=0.1)
     assert effect["share"] == pytest.approx(truth["share"], abs=0.1)
     assert found["corrections"] and not found["complete"]
+    # Who is tried and stands neither in the answer nor beside it learns why.
+    stands = [own for own in found["effects"] if own["selected"] or own["group"] is not None]
+    names = {own["id"] for own in stands} | {f"{own['id']}@{own['port']}" for own in stands}
+    tried = [own for step in found["steps"] for own in step["candidates"]]
+    assert all(own["rejected"] for own in tried if own["id"] not in names) and any(own["id"] not in names for own in tried)
     # The amended system, run on the records of the study, has the errors that are printed.
     system = tmp_path / "out" / "system" / "system.ssd"
     run = start("run", system, "--study", folder / "study.toml", "-o", tmp_path / "run")

@@ -254,11 +254,12 @@ pub fn step_note(answer: &Answer) -> String {
     if !answer.by_share {
         return "Share of the declared model's error on held-out parts of the estimation records that each model takes away beyond the one before it.".into();
     }
-    let note = "No model of the vocabulary reaches the noise, so an effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
+    let note = "An effect counts for the share of the declared model's error that it takes away on held-out records, beyond what corrections of declared parameters within their tolerances do.";
+    let why = if answer.complete { "" } else { "No model of the vocabulary reaches the noise. " };
     // Studies carry the noise to a floor and say themselves when they begin again.
     let rig = answer.floor[1].is_empty();
     let windows = " Predictions of the coupled rig begin again every half second from the measured motion.";
-    format!("{note}{}", if rig { windows } else { "" })
+    format!("{why}{note}{}", if rig { windows } else { "" })
 }
 
 /// Change of the error by the amended model, in one sentence: the signal that improves most.

@@ -66,7 +66,19 @@ pub fn search(question: &Question) -> Found {
         question.system.stage("form of the effects");
         found.free_form = run.free_form(&found.base, &found.best);
     }
+    tell_others(&mut found);
     found
+}
+
+/// Gives candidates without objection that are neither in the answer nor as good as an effect of it their reason.
+fn tell_others(found: &mut Found) {
+    let tried = found.steps.iter_mut().flat_map(|step| &mut step.tried);
+    for own in tried.filter(|own| own.rejected.is_none()) {
+        let as_good = found.equals.iter().any(|(_, other)| other.candidate == own.candidate);
+        if !as_good && !found.best.added.contains(&own.candidate) {
+            own.rejected = Some(OTHERS_TAKE_MORE.into());
+        }
+    }
 }
 
 /// A set of effects beside corrections, fitted from `start` under the weights of what they leave.
@@ -104,6 +116,8 @@ const MAX_REWEIGHTS: usize = 8;
 const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
 /// Rounds of a fit of local parameters alone.
 const LOCAL_ROUNDS: usize = 3;
+/// Why a candidate is no effect that nothing else speaks against.
+pub(super) const OTHERS_TAKE_MORE: &str = "others take more of the error away";
 /// Free forms that are fitted.
 const FITTED_FREE_FORMS: usize = 2;
 pub(super) type Weights = BTreeMap<String, f64>;

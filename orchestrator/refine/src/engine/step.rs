@@ -1,7 +1,7 @@
 //! One step of the forward selection: which candidates are worth a fit, and how the fitted ones compare.
 
 use super::fit::Fit;
-use super::forward_selection::{REFINEMENT_ROUNDS, ROUNDS, Run, Weights};
+use super::forward_selection::{OTHERS_TAKE_MORE, REFINEMENT_ROUNDS, ROUNDS, Run, Weights};
 use super::question::Tried;
 use super::search::{Model, Promise};
 use super::{parallel, stop};
@@ -144,8 +144,7 @@ impl Run<'_> {
                 model,
                 rejected: None,
             };
-            own.rejected =
-                if again { self.objection(&own) } else { Some("others take more of the error away".into()) };
+            own.rejected = if again { self.objection(&own) } else { Some(OTHERS_TAKE_MORE.into()) };
             tried.push(own);
         }
         // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.

@@ -283,6 +283,16 @@ impl Study {
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(plant);
     }
 
+    /// Range of the input that is an attachment over all records, those for validation included; none where records do
+    /// not have it.
+    pub fn recorded(&self, tap: usize) -> Option<(f64, f64)> {
+        let input = self.graph.inputs.iter().position(|input| input.name == self.taps[tap].name)?;
+        let values = self.records.iter().filter_map(|record| record.inputs[input].as_ref()).flatten();
+        let widened = |(low, high): (f64, f64), value: &f64| (low.min(*value), high.max(*value));
+        let found = values.fold((f64::INFINITY, f64::NEG_INFINITY), widened);
+        (found.0 <= found.1).then_some(found)
+    }
+
     /// Range of a variable at an attachment.
     pub fn range(&self, tap: usize, variable: Variable) -> (f64, f64) {
         let Some(own) = self.ranges.get(tap) else { return (0.0, 0.0) };

@@ -150,11 +150,11 @@ fn check(file: &File) -> Result<(), Error> {
                 return Err(file.refuse(
                     spanned,
                     format!(
-                        "effect `{id}` is none of {}; {}",
+                        "no effect `{id}` is known {}; {}",
                         if attachment.channels.is_empty() {
-                            "a port without channels".to_owned()
+                            "at a port without channels".to_owned()
                         } else {
-                            format!("the channels {:?}", attachment.channels)
+                            format!("in the channels {:?}", attachment.channels)
                         },
                         suggestion(kind, known.iter().copied())
                     ),

@@ -69,18 +69,18 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
     let value = study.range(tap, Variable::Value);
     let against = |shown: bool, what: String| (!shown).then_some(what);
     let pulls = || against(p[0] > 0.0, "it would push away from where it rests".into());
-    let positions = || format!("the positions of the records, {low:.4} to {high:.4} {unit}");
+    let positions = || format!("the positions of the records, {} to {} {unit}", short(low), short(high));
     match law {
         Law::Spring => {
             let rest = -p[1] / p[0];
             let near = (low - travel..=high + travel).contains(&rest);
             pulls().or_else(|| {
-                against(near, format!("it would rest at {rest:.4} {unit}, far from {}", positions()))
+                against(near, format!("it would rest at {} {unit}, far from {}", short(rest), positions()))
             })
         }
         Law::EndStop | Law::LowerStop => against(
             reached(study, model, tap, Stop { at: p[2], upper: law == Law::EndStop }),
-            format!("at {:.4} {unit} it would not end the motion: {}", p[2], positions()),
+            format!("at {} {unit} it would not end the motion: {}", short(p[2]), positions()),
         ),
         Law::Limits => {
             let (below, above) = (p[0], p[1]);
@@ -89,36 +89,47 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
                 .or_else(|| against(apart, "its two limits are one".into()))
         }
         Law::Choked => against(p[0] > 0.0, "flow would run backward".into()).or_else(|| {
-            against(p[1] <= high, format!("no record comes to {:.4} {unit}, where it begins", p[1]))
+            against(p[1] <= high, format!("no record comes to {} {unit}, where it begins", short(p[1])))
         }),
         Law::CubicSpring => pulls().or_else(|| {
             let within = (low..=high).contains(&p[1]);
-            against(within, format!("it would rest at {:.4} {unit}, outside of {}", p[1], positions()))
+            against(within, format!("it would rest at {} {unit}, outside of {}", short(p[1]), positions()))
         }),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
-        Law::Overflow => against(p[0] > 0.0, "it would flow in".into())
-            .or_else(|| against(p[1] >= low, format!("at {:.4} {unit} it lies below {}", p[1], positions()))),
+        Law::Overflow => against(p[0] > 0.0, "it would flow in".into()).or_else(|| {
+            against(p[1] >= low, format!("at {} {unit} it lies below {}", short(p[1]), positions()))
+        }),
         Law::Coulomb if p.len() == 2 => against(
             p[1] <= MAX_SIGN_CHANGE * speed,
             format!(
-                "its sign would change over {:.4} of {speed:.4} {per_second}: that is viscous friction",
-                p[1]
+                "its sign would change over {} of {} {per_second}: that is viscous friction",
+                short(p[1]),
+                short(speed)
             ),
         ),
         // One below -1 is a wrong sign, no gain.
         Law::Gain => against(p[0] > -1.0, "it would turn the sign of what passes".into()),
+        // Beside an offset of the list the two compete, and a tie shows that these records cannot tell them apart.
         Law::DeadBand => {
-            let (low, high) = value;
-            against(low <= p[0] && -p[0] <= high, "no value lies in it: that is an offset".into())
+            let (low, high) = study.recorded(tap).unwrap_or(value);
+            let entered = low <= p[0] && -p[0] <= high;
+            against(entered || has_offset(study, tap), "no value lies in it: that is an offset".into())
         }
         Law::Droop => {
             let duration = study.range(tap, Variable::Time).1;
             let slow = p[1] >= MIN_SHARE_OF_DURATION * duration;
-            against(slow, format!("it would fall over {:.4} s of {duration:.4} s: that is a gain", p[1]))
+            against(
+                slow,
+                format!("it would fall over {} s of {} s: that is a gain", short(p[1]), short(duration)),
+            )
         }
         Law::Cogging => against(
             p[2] <= MAX_SHARE_OF_RANGE * travel,
-            format!("its period of {:.4} {unit} is more than half of the travel of {travel:.4} {unit}", p[2]),
+            format!(
+                "its period of {} {unit} is more than half of the travel of {} {unit}",
+                short(p[2]),
+                short(travel)
+            ),
         ),
         // An offset larger than any value that passed is another model of what it passes into.
         Law::Bias => {
@@ -134,11 +145,11 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         }
         Law::Stribeck => against(
             p[1] <= MAX_SHARE_OF_RANGE * speed,
-            format!("a peak over {:.4} of {speed:.4} {per_second} is Coulomb friction", p[1]),
+            format!("a peak over {} of {} {per_second} is Coulomb friction", short(p[1]), short(speed)),
         ),
         Law::Presliding => against(
             travel <= 0.0 || p[0] <= MAX_PRESLIDING * travel,
-            format!("it would give way over {:.4} of {travel:.4} {unit}: that is a spring", p[0]),
+            format!("it would give way over {} of {} {unit}: that is a spring", short(p[0]), short(travel)),
         ),
         Law::Own(index) => {
             let effect = &study.own[index];
@@ -147,6 +158,18 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// Whether the vocabulary has an offset at an attachment.
+fn has_offset(study: &Study, tap: usize) -> bool {
+    let is_offset = |law: Law| matches!(law, Law::Bias | Law::Offset);
+    let here = |own: &Action| matches!(*own, Action::Block { law, tap: at } if at == tap && is_offset(law));
+    study.candidates.iter().any(|own| here(&own.action))
+}
+
+/// A number with four decimals, or in powers of ten where these would be zeros.
+fn short(value: f64) -> String {
+    if value != 0.0 && value.abs() < 1e-3 { format!("{value:.2e}") } else { format!("{value:.4}") }
 }
 
 /// Whether an effect takes energy over all records, on the motion of the declared model.
@@ -216,6 +239,6 @@ fn drives(study: &Study, model: &Model) -> Option<(usize, String)> {
         let [_, (low, high), ..] = study.ranges.get(tap)?;
         let least = -MAX_NEGATIVE_FRICTION * coulomb.abs();
         let at = [low, high].into_iter().find(|x| coulomb + slope * **x < least)?;
-        Some((c, format!("friction would drive at {at:.4} {}", study.taps[tap].units[2])))
+        Some((c, format!("friction would drive at {} {}", short(*at), study.taps[tap].units[2])))
     })
 }
