@@ -70,7 +70,7 @@ pub fn search(question: &Question) -> Found {
     found
 }
 
-/// Gives candidates without objection that are neither in the answer nor as good as an effect of it their reason.
+/// Gives a reason to candidates without objection that are neither in the answer nor as good as an effect of it.
 fn tell_others(found: &mut Found) {
     let tried = found.steps.iter_mut().flat_map(|step| &mut step.tried);
     for own in tried.filter(|own| own.rejected.is_none()) {
@@ -116,8 +116,8 @@ const MAX_REWEIGHTS: usize = 8;
 const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
 /// Rounds of a fit of local parameters alone.
 const LOCAL_ROUNDS: usize = 3;
-/// Why a candidate is no effect that nothing else speaks against.
-pub(super) const OTHERS_TAKE_MORE: &str = "others take more of the error away";
+/// Reason of a candidate that nothing else speaks against.
+pub(crate) const OTHERS_TAKE_MORE: &str = "others take more of the error away";
 /// Free forms that are fitted.
 const FITTED_FREE_FORMS: usize = 2;
 pub(super) type Weights = BTreeMap<String, f64>;

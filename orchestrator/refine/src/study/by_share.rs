@@ -8,14 +8,14 @@ use super::explain::{self, Judge};
 use super::fits::{self, Fits};
 use super::influence::{Influential, Singles, influential};
 use super::model::{Study, Target};
-use super::physical::nonsense;
+use super::physical::contradiction;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
 use super::whole::{Whole, candidate, model};
 use crate::answer::{Correction, Settings, Step, Tried};
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::Free;
-use crate::engine::forward_selection;
+use crate::engine::forward_selection::{self, OTHERS_TAKE_MORE};
 use crate::engine::held_out::HeldOut;
 use crate::engine::question::{self, Found, Question};
 use crate::engine::search::Model;
@@ -120,9 +120,16 @@ impl Search<'_> {
             )
         };
         let name = study.candidates[weak].name();
+        let stands: Vec<String> =
+            again.added.iter().filter_map(|&c| Some(study.candidates.get(c)?.name())).collect();
         let mut steps = found.steps.clone();
-        let tried = steps.iter_mut().flat_map(|step| &mut step.candidates);
-        tried.filter(|own| own.id == name).for_each(|own| own.rejected = Some(reason.clone()));
+        for own in steps.iter_mut().flat_map(|step| &mut step.candidates) {
+            if own.id == name {
+                own.rejected = Some(reason.clone());
+            } else if own.rejected.as_deref() == Some(OTHERS_TAKE_MORE) && stands.contains(&own.id) {
+                own.rejected = None;
+            }
+        }
         ByShare { steps, ..again }
     }
 
@@ -267,7 +274,7 @@ fn sense(study: &Study, model: &Model) -> Option<String> {
     let added: Vec<usize> = model.added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
     // What is no candidate of the study, another value of a parameter, has no shape.
     let &last = added.last()?;
-    let (c, why) = nonsense(study, &fits::Model::new(added, model.fit.clone(), f64::NAN))?;
+    let (c, why) = contradiction(study, &fits::Model::new(added, model.fit.clone(), f64::NAN))?;
     Some(if c == last { why } else { format!("`{}` beside it: {why}", study.candidates[c].name()) })
 }
 

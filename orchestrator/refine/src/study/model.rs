@@ -283,8 +283,8 @@ impl Study {
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(plant);
     }
 
-    /// Range of the input that is an attachment over all records, those for validation included; none where records do
-    /// not have it.
+    /// Range of the input that is an attachment over all records, in its unit, those for validation included; none
+    /// where records do not have it.
     pub fn recorded(&self, tap: usize) -> Option<(f64, f64)> {
         let input = self.graph.inputs.iter().position(|input| input.name == self.taps[tap].name)?;
         let values = self.records.iter().filter_map(|record| record.inputs[input].as_ref()).flatten();

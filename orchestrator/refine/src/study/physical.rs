@@ -24,7 +24,7 @@ const MAX_SENSOR_GAIN: f64 = 0.5;
 /// Share of the largest velocity over which Coulomb friction may change its sign.
 const MAX_SIGN_CHANGE: f64 = 0.2;
 
-/// Share of the travel that a period, of the largest velocity that a friction peak may take.
+/// Share of the travel that a period may take, and of the largest velocity that a friction peak may.
 const MAX_SHARE_OF_RANGE: f64 = 0.5;
 
 /// Share of the duration of the longest record over which a value may fall and not be lower from the beginning on.
@@ -43,11 +43,11 @@ pub fn fitting(study: &Study, model: &Model) -> bool {
 
 /// Whether a model may be an answer.
 pub fn physical(study: &Study, model: &Model) -> bool {
-    nonsense(study, model).is_none()
+    contradiction(study, model).is_none()
 }
 
 /// Why a model may be no answer, if it may not: the candidate, and what speaks against it.
-pub fn nonsense(study: &Study, model: &Model) -> Option<(usize, String)> {
+pub fn contradiction(study: &Study, model: &Model) -> Option<(usize, String)> {
     let shape = || model.added.iter().find_map(|&c| Some((c, hidden(study, model, c)?)));
     drives(study, model).or_else(shape)
 }
@@ -167,9 +167,10 @@ fn has_offset(study: &Study, tap: usize) -> bool {
     study.candidates.iter().any(|own| here(&own.action))
 }
 
-/// A number with four decimals, or in powers of ten where these would be zeros.
+/// A number with four decimals, or in powers of ten where these say little or too much.
 fn short(value: f64) -> String {
-    if value != 0.0 && value.abs() < 1e-3 { format!("{value:.2e}") } else { format!("{value:.4}") }
+    let plain = value == 0.0 || (1e-3..1e5).contains(&value.abs());
+    if plain { format!("{value:.4}") } else { format!("{value:.3e}") }
 }
 
 /// Whether an effect takes energy over all records, on the motion of the declared model.
