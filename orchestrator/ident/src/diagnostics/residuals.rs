@@ -185,6 +185,27 @@ fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
     (coefficients, left)
 }
 
+/// The autoregression of `order` that predicts series of mean zero best from their past, shape \[order\]: coefficients
+/// of the values one, two, .. samples before. Fewer where the past predicts all.
+pub fn prediction(series: &[Vec<f64>], order: usize) -> Vec<f64> {
+    let mut correlation = covariances(series, series, order);
+    let variance = correlation[0];
+    if variance <= 0.0 {
+        return Vec::new();
+    }
+    correlation.iter_mut().for_each(|value| *value /= variance);
+    levinson(&correlation).0
+}
+
+/// Replaces a series by its difference from the prediction from its past (see [`prediction`]).
+pub fn innovations(values: &mut [f64], coefficients: &[f64]) {
+    for k in (0..values.len()).rev() {
+        let past = coefficients.iter().take(k).enumerate();
+        let predicted: f64 = past.map(|(j, a)| a * values[k - 1 - j]).sum();
+        values[k] -= predicted;
+    }
+}
+
 /// Most past values of the filter that makes an input white.
 const WHITENING_ORDER: usize = 20;
 /// Share of its variance that is added to the input as fictitious white noise: frequencies without excitation are
@@ -201,13 +222,7 @@ fn whiten(inputs: &mut [Vec<f64>], residuals: &mut [Vec<f64>], order: usize) {
     correlation.iter_mut().for_each(|value| *value /= variance);
     correlation[0] = 1.0;
     let (coefficients, _) = levinson(&correlation);
-    for values in inputs.iter_mut().chain(residuals) {
-        for k in (0..values.len()).rev() {
-            let past = coefficients.iter().take(k).enumerate();
-            let predicted: f64 = past.map(|(j, a)| a * values[k - 1 - j]).sum();
-            values[k] -= predicted;
-        }
-    }
+    inputs.iter_mut().chain(residuals).for_each(|values| innovations(values, &coefficients));
 }
 
 #[cfg(test)]

@@ -25,5 +25,6 @@ pub mod rig_whole;
 pub mod study;
 pub mod surface;
 pub mod surrogate;
+mod terms;
 pub mod windows;
 pub mod written;

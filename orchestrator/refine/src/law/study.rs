@@ -7,6 +7,7 @@ use super::extent::Extent;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters};
 use super::grammar::Axis;
 use super::surface::{Surface, knots};
+use super::terms;
 use super::windows::{Windows, positions, velocity};
 use super::written::name;
 use crate::answer::{Answer, Effect, Errors, Parameter, Verdict};
@@ -47,6 +48,8 @@ const MAX_LEFT_FOR_SIMPLE_LAWS: f64 = 0.2;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.3;
+/// Share of what a law takes away from which on effects that are terms of it are the answer, and the law a remark.
+const MIN_SHARE_OF_MAIN_TERM: f64 = 0.5;
 /// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to
 /// what counts as noise, from which on no formula for it is looked for.
 const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
@@ -160,6 +163,13 @@ fn sought(
         // Effects of the list stay unless a law leaves much less than they do, or they have not its form.
         let much = if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left;
         if !law.named || 1.0 - law.share > much && !imitated(study, found, &law, aim) {
+            return None;
+        }
+        let main = found.share.unwrap_or(0.0) >= MIN_SHARE_OF_MAIN_TERM * law.share;
+        let is_term = |effect: &&Effect| effect.selected && terms::holds(&law, effect);
+        if let Some(effect) = found.effects.iter().find(is_term).filter(|_| main) {
+            let note = terms::told(&law, effect);
+            found.notes.push(note);
             return None;
         }
         for effect in found.effects.iter_mut().filter(|effect| effect.selected) {

@@ -1,7 +1,8 @@
 //! A study from the declaration to the answer in the terms of the vocabulary: records and system, searches, verdict.
 
 use super::assembled::{assemble, first_place, fitted, notes};
-use super::by_share;
+use super::by_share::{self, ByShare};
+use super::colored;
 use super::declaration::File;
 use super::effects::order;
 use super::errors::errors;
@@ -32,6 +33,10 @@ use crate::law::study::{self as law, Aim};
 
 /// Share of a limited time that the search for an explanation to the noise may use.
 const EXACT_SHARE_OF_TIME: f64 = 0.5;
+
+/// Share of the error on validation records that one of several effects which do the same on estimation records must
+/// take away to stand in place of another that validation records refuse: more than others, as it is chosen by them.
+const MIN_SHARE_OF_OTHER_OF_EQUALS: f64 = 0.5;
 
 /// Reads, searches and answers.
 ///
@@ -128,6 +133,13 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
                 selection.best = fits.with_covariance(&selection.best);
             }
             let mut found = assemble(&fits, &judge, &selection, by_share.as_ref(), settings);
+            if let Some((other, answer)) = other_of_equals(&search, (&selection, by_share.as_ref()), &found) {
+                found = answer;
+                (selection, by_share) = match other {
+                    Refitted::BesideCorrections(own) => (own.selection.clone(), Some(*own)),
+                    Refitted::Alone(own) => (*own, None),
+                };
+            }
             while let Some((own, (weak, alone))) =
                 by_share.as_ref().zip(weakest_dependent(&search, &selection, &found))
             {
@@ -173,6 +185,14 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         None
     };
     let (selection, mut found) = refitted.unwrap_or((selection, found));
+    {
+        let fits = Fits::new(&study, scale.clone());
+        let own = shown(&found, &selection, &corrected, &with_law);
+        // What corrections within their tolerances take away is not missing either.
+        let corrected = corrected.as_ref().filter(|_| found.verdict == Verdict::Unexplained);
+        let _ = colored::settle(&fits, &judge, own, &mut found)
+            || corrected.is_some_and(|own| colored::settle(&fits, &judge, own, &mut found));
+    }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
     let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
@@ -184,16 +204,27 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     }
     let fits = Fits::new(&study, scale);
     say("figures");
-    let shown = match &corrected {
-        _ if found.verdict == Verdict::Effect => &selection.best,
-        Some(corrected) if !found.corrections.is_empty() => corrected,
-        _ => &selection.declared,
-    };
-    let shown = with_law.as_ref().filter(|_| !refused).unwrap_or(shown);
+    let with_law = with_law.filter(|_| !refused);
+    let shown = shown(&found, &selection, &corrected, &with_law);
     resolution::add(&fits, &selection, shown, &mut found);
     let finer = if found.complete { None } else { integration::finer(&fits, shown) };
     let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
     Ok(Attempt { found: (found, evidence), finer })
+}
+
+/// The model of an answer.
+fn shown<'a>(
+    found: &Answer,
+    selection: &'a Selection,
+    corrected: &'a Option<Model>,
+    with_law: &'a Option<Model>,
+) -> &'a Model {
+    match (with_law, corrected) {
+        (Some(law), _) => law,
+        _ if found.verdict == Verdict::Effect => &selection.best,
+        (_, Some(corrected)) if !found.corrections.is_empty() => corrected,
+        _ => &selection.declared,
+    }
 }
 
 /// The same effects fitted with as many steps of integration as they need, if what they leave is its error and they
@@ -259,6 +290,50 @@ fn listed_instead(
     }));
     *found = answer;
     (listed, None)
+}
+
+/// Effects that were fitted in place of others.
+enum Refitted {
+    BesideCorrections(Box<ByShare>),
+    Alone(Box<Selection>),
+}
+
+/// Effects that estimation records cannot tell from those of a selection, where validation records refuse these and
+/// bear out the others, with their answer.
+fn other_of_equals(
+    search: &by_share::Search,
+    (selection, by_share): (&Selection, Option<&ByShare>),
+    found: &Answer,
+) -> Option<(Refitted, Answer)> {
+    if found.verdict != Verdict::Unexplained || selection.effects() == 0 || stop::asked() {
+        return None;
+    }
+    let by_share::Search { fits, judge, settings, .. } = *search;
+    let name = |c: usize| fits.study.candidates.get(c).map(|own| format!("`{}`", own.name()));
+    selection.equals.iter().find_map(|(lacking, model)| {
+        let (other, mut answer) = match by_share {
+            Some(own) => {
+                let other = search.fitted(own, &model.added, &model.fit.parameters);
+                let answer = assemble(fits, judge, &other.selection, Some(&other), settings);
+                (Refitted::BesideCorrections(Box::new(other)), answer)
+            }
+            None => {
+                let rest = Selection { best: model.clone(), equals: Vec::new(), ..selection.clone() };
+                let other = Selection { stability: Vec::new(), ..rest };
+                let answer = assemble(fits, judge, &other, None, settings);
+                (Refitted::Alone(Box::new(other)), answer)
+            }
+        };
+        let stands = answer.verdict == Verdict::Effect
+            && answer.share.is_some_and(|share| share >= MIN_SHARE_OF_OTHER_OF_EQUALS);
+        let new = model.added.iter().find(|c| !selection.best.added.contains(c)).and_then(|&c| name(c));
+        answer.notes.extend(new.zip(name(*lacking)).map(|(new, old)| {
+            format!(
+                "Estimation records cannot tell {new} from {old}; validation records refuse {old} and bear out {new}, so here they chose."
+            )
+        }));
+        stands.then_some((other, answer))
+    })
 }
 
 /// The weakest effect that explains little without the other effects, or that may be zero by the interval of its first

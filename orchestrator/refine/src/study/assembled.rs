@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::by_share::{self, ByShare};
+use super::colored::STILL_MISSING;
 use super::declaration::Role;
 use super::effects::{effects, physical};
 use super::errors::{errors, floor, force, force_noise};
@@ -175,7 +176,7 @@ pub(super) fn notes(
         let left = errors.rms.get(&output.name).copied().unwrap_or(0.0);
         let times = left / floor.get(&output.name).copied().unwrap_or(output.noise);
         if times > 2.0 {
-            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: something is still missing.", output.name));
+            notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: {STILL_MISSING}.", output.name));
         }
     }
     notes

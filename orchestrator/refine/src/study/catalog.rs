@@ -14,6 +14,7 @@ use super::ports;
 use super::sensors;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
+use crate::vocabulary::PortKind;
 
 /// A candidate.
 #[derive(Debug, Clone)]
@@ -303,6 +304,11 @@ fn wanted(attachment: &Attachment, id: &str) -> bool {
     attachment.effects.as_ref().is_none_or(|list| list.iter().any(is))
 }
 
+/// Whether a law takes a flow out of a level.
+fn is_of_level(law: Law) -> bool {
+    matches!(law, Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked)
+}
+
 fn blocks_at(
     study: &mut Study,
     tap: usize,
@@ -319,6 +325,8 @@ fn blocks_at(
             continue;
         }
         match starts(kind.law, kind.parameters.len(), (ranges, duration)) {
+            // Nobody asks for an overflow of what is no flow.
+            Err(_) if is_of_level(kind.law) && ports::kind(&study.taps[tap].units[0]) != PortKind::Flow => {}
             Err(why) => study.not_testable.push((format!("{}@{}", kind.id, attachment.input), why.into())),
             Ok(starts) => push(study, kind, channel, tap, starts),
         }

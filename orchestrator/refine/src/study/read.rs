@@ -273,6 +273,11 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let path = file.folder.join(&segment.file);
         let refuse = |problem: String| file.refuse(spanned, format!("{}: {problem}", path.display()));
         if !grids.contains_key(segment.file.as_str()) {
+            if !path.exists() {
+                return Err(refuse(
+                    "there is no such file; `file` is relative to the folder of the study".into(),
+                ));
+            }
             let series = csv::read_with_gaps(&path)?;
             has_columns(file, &series, &path)?;
             let series =

@@ -7,6 +7,9 @@ use super::fits::{Fits, Model};
 use super::search::Selection;
 use super::simulate::Piece;
 
+/// Sentence on a residual that has no place.
+pub(super) const DEPENDS_ON_NOTHING: &str = "What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.";
+
 /// Sentences on the share of noise in the residual on the estimation records.
 pub(super) fn noise(judge: &Judge, model: &Model) -> Vec<String> {
     let times = model.error / judge.power.sqrt();
@@ -34,7 +37,7 @@ pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -
             variables.join(" and ")
         ));
     } else if !judge.explained(fits, model) {
-        found.push("What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.".into());
+        found.push(DEPENDS_ON_NOTHING.into());
     }
     found
 }

@@ -33,6 +33,10 @@ pub(super) struct Ruling {
     pub(super) helps: bool,
 }
 
+/// Share of a floor's power by which that of an error may be off it without being more or less: the level of the noise
+/// is estimated.
+const MAX_SHARE_OF_FLOOR: f64 = 0.1;
+
 /// Share of the error on validation records above its floor that a model takes away; outputs in units of the declared
 /// model's error.
 pub(crate) fn share(
@@ -44,7 +48,9 @@ pub(crate) fn share(
         let one = |o: &super::model::Output| {
             let [own, unit] = [errors, before].map(|e| e.rms.get(&o.name).copied().unwrap_or(0.0));
             let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
-            if unit > 0.0 { (own * own - floor * floor) / (unit * unit) } else { 0.0 }
+            let above = own * own - floor * floor;
+            let is_more = unit > 0.0 && above.abs() > MAX_SHARE_OF_FLOOR * floor * floor;
+            if is_more { above / (unit * unit) } else { 0.0 }
         };
         study.outputs.iter().map(one).sum::<f64>().max(0.0)
     };

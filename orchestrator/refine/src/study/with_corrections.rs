@@ -8,6 +8,8 @@ use crate::engine::stop;
 
 /// Error of effects beside corrections over that of the effects alone from which on their fit is made again.
 const MAX_ERROR_BESIDE_CORRECTIONS: f64 = 1.05;
+/// The same ratio below which corrections within one tolerance belong to the answer: what they explain is not missing.
+const MAX_ERROR_OF_NEEDED_CORRECTIONS: f64 = 0.8;
 
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
 /// noise or several of them do, which may stand for parameters that are slightly off.
@@ -18,12 +20,14 @@ pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option
         return (exact, None);
     }
     let mut found = search.run(&exact);
-    if found.is_without_corrections(&exact) {
+    let mut exact = exact;
+    let has_same_effects = found.is_without_corrections(&exact);
+    if has_same_effects && !exact.exact {
         // The fit without them goes on until nothing moves.
-        let mut exact = exact;
-        if !exact.exact {
-            exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
-        }
+        exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
+    }
+    let needed = found.selection.best.error < MAX_ERROR_OF_NEEDED_CORRECTIONS * exact.best.error;
+    if has_same_effects && (explained || !needed) {
         // Corrections make nothing worse: where they seem to, their fit ended short of its optimum.
         let fell_short = found.selection.best.error > MAX_ERROR_BESIDE_CORRECTIONS * exact.best.error;
         let again = fell_short.then(|| search.refitted(&found, &exact.best.fit.parameters));
