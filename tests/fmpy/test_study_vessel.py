@@ -21,7 +21,7 @@ third_party = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(third_party)
 
 EQUATIONS = """const double flow = u > 0.0 ? k_v * u * (p_s - p) : k_v * u * (p - p_a);
-der_p = R_s * T_g / V_0 * (flow - c_l * (p - p_a));
+der_p = R_s * T_g / V_0 * (flow + w_x - c_l * (p - p_a));
 """
 K_V, P_S, P_A, R_S, T_G, V_0, C_L = 4e-9, 7e5, 1e5, 287.0, 293.0, 2e-3, 2e-9
 PARAMETERS = {
@@ -39,7 +39,7 @@ VESSEL = System(
     1.0,
     1,
     states={"p": ("Pa", 1e5, "")},
-    inputs={"u": ("V", 5.0)},
+    inputs={"u": ("V", 5.0), "w_x": ("kg/s", 0.0)},
     parameters={name: (*own, 0.01) for name, own in PARAMETERS.items()},
     measured={},
     ports={},
@@ -48,6 +48,8 @@ VESSEL = System(
     short=False,
 )
 STEP, SAMPLES, FINE = 0.01, 2001, 5
+# The seal: flow [kg/s] and width [Pa].
+LEAK, LEAK_WIDTH = 3e-4, 4e4
 STUDY = """system = "vessel.fmu"
 
 [inputs]
@@ -58,13 +60,16 @@ p = { column = "p" }
 """
 
 
-def pressure(commands, width, off):
-    """Pressure [Pa] of the true vessel: a dead band of `width`, and k_v, V_0, c_l that are `off`, relative."""
+def pressure(commands, width, off, leak_at=None):
+    """Pressure [Pa] of the true vessel: a dead band of `width`, k_v, V_0, c_l that are `off`, relative, and a seal that leaks around the
+    pressure `leak_at`."""
     k_v, volume, leak = K_V * (1 + off[0]), V_0 * (1 + off[1]), C_L * (1 + off[2])
 
     def rate(p, u):
         passed = u - min(max(u, -width), width)
         flow = k_v * passed * (P_S - p if passed > 0 else p - P_A)
+        if leak_at is not None:
+            flow -= LEAK * np.exp(-(((p - leak_at) / LEAK_WIDTH) ** 2))
         return R_S * T_G / volume * (flow - leak * (p - P_A))
 
     values, p, h = [], 1e5, STEP / FINE
@@ -95,7 +100,7 @@ def filtered(rng, rms, pole):
     return rms * y
 
 
-def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=(-4.0, 4.0)):
+def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=(-4.0, 4.0), leak_at=None):
     rng = np.random.default_rng(seed)
     home = folder / "home"
     (home / "equations").mkdir(parents=True)
@@ -104,7 +109,7 @@ def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=
     text = STUDY
     for k, (low, high) in enumerate([estimation] * 3 + [validation]):
         u = stairs(rng, low, high)
-        p = pressure(u, width, off) + filtered(rng, 400.0, pole)
+        p = pressure(u, width, off, leak_at) + filtered(rng, 400.0, pole)
         columns = np.array([STEP * np.arange(SAMPLES), u, p]).T
         np.savetxt(folder / f"r{k}.csv", columns, delimiter=",", header="time,u,p", comments="", fmt="%.9g")
         role = "validation" if k == 3 else "estimation"
@@ -151,3 +156,13 @@ def test_of_effects_that_do_the_same_validation_records_may_refuse_one(tmp_path)
     assert named(found) == ["deadband@u"]
     assert found["effects"][0]["params"]["width"]["value"] == pytest.approx(0.5, rel=0.05)
     assert any("cannot tell `deadband@u` from `offset@u`" in note for note in found["notes"])
+
+
+def test_a_law_is_found_behind_noise_that_is_not_white(tmp_path):
+    path = study(tmp_path, width=0.0, off=(0.0, 0.0, 0.0), pole=0.7, seed=5, leak_at=3.0e5)
+    found, _ = answered(path, tmp_path / "out", 13)
+    law = found["law"]
+    assert law["port"] == "w_x" and law["formula"] == "a*exp(-((x - m)/w)^2)"
+    for name, value in [("a", LEAK), ("m", 3.0e5), ("w", LEAK_WIDTH)]:
+        assert law["params"][name]["value"] == pytest.approx(value, rel=0.03)
+    assert found["complete"] and law["share"] > 0.97

@@ -30,10 +30,10 @@ pub fn refuse_where_nothing_is(found: &mut Answer, place: &str) {
 /// which on validation records show what the others do not.
 const MIN_RATIO_OF_UNSEEN: f64 = 2.0;
 
-/// Withdraws the verdict that nothing is missing where validation records show something that estimation records do
-/// not: another range, larger commands. The residual has its place at `place`.
+/// Says where validation records show something that estimation records do not, another range or larger commands, and
+/// no effect was found; withdraws the verdict that nothing is missing. The residual has its place at `place`.
 pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
-    if found.verdict != Verdict::Nothing {
+    if !matches!(found.verdict, Verdict::Nothing | Verdict::Unexplained) {
         return;
     }
     let ratio =
@@ -55,7 +55,7 @@ pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
         unseen.join(", ")
     ));
     (found.verdict, found.complete) = (Verdict::Unexplained, false);
-    found.unexplained = Some((place.to_owned(), Vec::new()));
+    found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
 }
 
 /// Error above the floor, over the spread of the measured signal, from which on an answer is none.
@@ -189,6 +189,14 @@ mod tests {
             (found.verdict, found.notes.len())
         };
         assert_eq!(judged(0.1, 0.7), (Verdict::Unexplained, 1));
+        let mut open = Answer { verdict: Verdict::Unexplained, ..answer(&[0.01]) };
+        open.unexplained = Some(("actuator".into(), vec!["u".into()]));
+        open.noise.insert("y0".into(), 0.1);
+        for (set, error) in [0.11, 0.7].into_iter().enumerate() {
+            open.after[set].rms.insert("y0".into(), error);
+        }
+        refuse_where_validation_shows_more(&mut open, "pole");
+        assert_eq!((open.notes.len(), open.unexplained.unwrap().0.as_str()), (1, "actuator"));
         assert_eq!(judged(0.1, 0.15), (Verdict::Nothing, 0));
         assert_eq!(judged(0.4, 0.7), (Verdict::Nothing, 0));
     }

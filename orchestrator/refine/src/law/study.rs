@@ -19,6 +19,7 @@ use crate::study::assembled;
 use crate::study::by_share;
 use crate::study::catalog::{self, Candidate};
 use crate::study::changed::corrected;
+use crate::study::colored;
 use crate::study::declaration::Role;
 use crate::study::effects;
 use crate::study::errors::errors;
@@ -53,6 +54,8 @@ const MIN_SHARE_OF_MAIN_TERM: f64 = 0.5;
 /// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to
 /// what counts as noise, from which on no formula for it is looked for.
 const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
+/// The same where a law is to explain a share: a curve through a few knots leaves more of a narrow law than a formula.
+const MAX_ERROR_OF_FREE_FORM_OF_SHARE: f64 = 3.0;
 
 /// Aim of the search for a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,14 +145,21 @@ fn sought(
         true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0].rms),
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
-    let max_error = MAX_ERROR_OF_FREE_FORM * enough.max(judge.tolerated.max(judge.power).sqrt());
+    let ratio = if aim.is_share() { MAX_ERROR_OF_FREE_FORM_OF_SHARE } else { MAX_ERROR_OF_FREE_FORM };
+    let max_error = ratio * enough.max(judge.tolerated.max(judge.power).sqrt());
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
     let unmoved = OnceLock::new();
     let mut finder =
         Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide, unmoved };
-    let Outcome { law, model, after } = finder.find(study, judge, base, found)?;
+    let Outcome { mut law, model, after } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
-    let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
+    let white = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
+    let colored = if white { None } else { colored::noises(&fits, judge, &model) };
+    if let Some(noises) = &colored {
+        let [_, floor] = colored::raised(&found.floor, study, noises);
+        law.share = share(study, [&found.before[1], &after[1]], &[floor.clone(), floor]);
+    }
+    let complete = white || colored.is_some();
     // A residual of many small causes looks like something in time, or takes some of any shape.
     let most = law.share >= MIN_SHARE_ABOVE_NOISE && !law.variables.iter().any(|name| name == "time");
     let for_noise = matches!(aim, Aim::Noise { .. });
@@ -181,7 +191,8 @@ fn sought(
     found.unexplained = Some((law.place.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
-    found.complete = complete;
+    // Noise that is not white is told of where the answer is finished.
+    found.complete = white;
     found.left[1] = judge.left(&fits, &model);
     let left = (law.port.clone(), judge.floors(judge.excess(&model)));
     found.left_at = if complete { Vec::new() } else { vec![left] };

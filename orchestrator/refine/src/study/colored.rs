@@ -3,6 +3,8 @@
 //! The noise of a sensor is judged by its scatter from one sample to the next, as white noise. Filters in a sensor or
 //! its amplifier make it correlated, and what a true model leaves then looks like an error of the model.
 
+use std::collections::BTreeMap;
+
 use airloop_ident::diagnostics::residuals::{
     Residuals, autocorrelation, cross_correlation, innovations, prediction,
 };
@@ -13,7 +15,9 @@ use super::declaration::Role;
 use super::errors::initial;
 use super::explain::Judge;
 use super::fits::{Fits, Model, pieces};
+use super::model::Study;
 use super::remarks::DEPENDS_ON_NOTHING;
+use super::ruling::share;
 use super::simulate::View;
 use crate::answer::{Answer, Verdict};
 use crate::engine::goodness::{BLOCKS, powers};
@@ -46,19 +50,18 @@ const MAX_RATIO_OF_RECORDS: f64 = 1.25;
 const MAX_BANDS: f64 = 1.25;
 
 /// Noise of one signal.
-struct Noise {
+pub(crate) struct Noise {
     /// Rms on the estimation records.
     rms: f64,
     /// Sum of the autocorrelation \[samples\].
     correlation_time: f64,
 }
 
-/// Corrects an answer whose model leaves noise that is not white, and nothing else: nothing is missing then. Returns
-/// whether it does.
-pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answer) -> bool {
+/// Noise by output where it is not white, if a model leaves nothing else.
+pub(crate) fn noises(fits: &Fits, judge: &Judge, model: &Model) -> Option<Vec<(usize, Noise)>> {
     let study = fits.study;
-    if found.complete || study.windows.is_some() || study.force.is_some() || stop::asked() {
-        return false;
+    if study.windows.is_some() || study.force.is_some() || stop::asked() {
+        return None;
     }
     let unlike: Vec<usize> = {
         let left = judge.left(fits, model).into_iter().enumerate();
@@ -67,14 +70,36 @@ pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answ
     let [estimation, validation] =
         [Role::Estimation, Role::Validation].map(|role| recorded(fits, model, role));
     let noise = |&o: &usize| noise(o, &study.outputs[o].name, &estimation, &validation).map(|own| (o, own));
-    let Some(noises) = unlike.iter().map(noise).collect::<Option<Vec<(usize, Noise)>>>() else {
-        return false;
-    };
-    if noises.is_empty() || judge.rest(fits, model).place.is_some() {
+    let found = unlike.iter().map(noise).collect::<Option<Vec<(usize, Noise)>>>();
+    found.filter(|found| !found.is_empty())
+}
+
+/// Floors on estimation and validation records that are not below such noise.
+pub(crate) fn raised(
+    floors: &[BTreeMap<String, f64>; 2],
+    study: &Study,
+    noises: &[(usize, Noise)],
+) -> [BTreeMap<String, f64>; 2] {
+    let mut found = floors.clone();
+    for floor in &mut found {
+        for (o, own) in noises {
+            let known = floor.entry(study.outputs[*o].name.clone()).or_default();
+            *known = known.max(own.rms);
+        }
+    }
+    found
+}
+
+/// Corrects an answer whose model leaves noise that is not white, and nothing else: nothing is missing then. Returns
+/// whether it does.
+pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answer) -> bool {
+    let study = fits.study;
+    let Some(noises) = noises(fits, judge, model).filter(|_| !found.complete) else { return false };
+    if judge.rest(fits, model).place.is_some() {
         return false;
     }
-    for (o, own) in noises {
-        let output = &study.outputs[o];
+    for (o, own) in &noises {
+        let output = &study.outputs[*o];
         let times = own.rms / found.floor_on(0, &output.name).unwrap_or(output.noise);
         found.notes.push(format!(
             "What is left of {name} is noise that is not white: alike over about {:.0} samples, and the same whatever commands and outputs are. Its rms is {:.3e} {}, {times:.1} times what its scatter from one sample to the next gives{}.",
@@ -84,11 +109,17 @@ pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answ
             if times > 1.1 { format!("; `noise = {:.3e}` beside the output says so", own.rms) } else { String::new() },
             name = output.name,
         ));
-        found.floor.iter_mut().for_each(|floor| {
-            let known = floor.entry(output.name.clone()).or_default();
-            *known = known.max(own.rms);
-        });
         found.noise.insert(output.name.clone(), own.rms.max(output.noise));
+    }
+    found.floor = raised(&found.floor, study, &noises);
+    let taken = || {
+        share(study, [&found.before[1], &found.after[1]], &[found.floor[1].clone(), found.floor[1].clone()])
+    };
+    if found.share.is_some() {
+        found.share = Some(taken());
+    }
+    if let (Some(law), Some(share)) = (&mut found.law, found.share) {
+        law.share = share;
     }
     found.notes.retain(|note| !note.contains(STILL_MISSING) && note != DEPENDS_ON_NOTHING);
     found.complete = true;

@@ -25,7 +25,7 @@ pub mod by_share;
 pub mod catalog;
 pub mod changed;
 pub(crate) mod clipping;
-mod colored;
+pub(crate) mod colored;
 mod command;
 pub mod dataset;
 pub mod declaration;
