@@ -185,19 +185,27 @@ fn levinson(correlation: &[f64]) -> (Vec<f64>, f64) {
     (coefficients, left)
 }
 
-/// The autoregression of `order` that predicts series of mean zero best from their past, shape \[order\]: coefficients
-/// of the values one, two, .. samples before. Fewer where the past predicts all.
+/// The autoregression of `order` that predicts series of mean zero, shape \[records\]\[n\], best from their past:
+/// coefficients of the values one, two, .. samples before, without a unit, shape \[order\]. Fewer where the past
+/// predicts all, none for series of zeros.
 pub fn prediction(series: &[Vec<f64>], order: usize) -> Vec<f64> {
+    predictor(series, order, 0.0)
+}
+
+/// The same for series with white noise of the share `white` of their variance added.
+fn predictor(series: &[Vec<f64>], order: usize, white: f64) -> Vec<f64> {
     let mut correlation = covariances(series, series, order);
-    let variance = correlation[0];
+    let variance = correlation[0] * (1.0 + white);
     if variance <= 0.0 {
         return Vec::new();
     }
     correlation.iter_mut().for_each(|value| *value /= variance);
+    correlation[0] = 1.0;
     levinson(&correlation).0
 }
 
-/// Replaces a series by its difference from the prediction from its past (see [`prediction`]).
+/// Replaces a series, shape \[n\], by its difference from the prediction from its past (see [`prediction`]), in the
+/// unit of the series; before its first sample it counts as zero.
 pub fn innovations(values: &mut [f64], coefficients: &[f64]) {
     for k in (0..values.len()).rev() {
         let past = coefficients.iter().take(k).enumerate();
@@ -214,14 +222,7 @@ const WHITE_NOISE_FLOOR: f64 = 1e-4;
 
 /// Filters inputs and residuals with the filter that makes the inputs white.
 fn whiten(inputs: &mut [Vec<f64>], residuals: &mut [Vec<f64>], order: usize) {
-    let mut correlation = covariances(inputs, inputs, order);
-    let variance = correlation[0] * (1.0 + WHITE_NOISE_FLOOR);
-    if variance <= 0.0 {
-        return;
-    }
-    correlation.iter_mut().for_each(|value| *value /= variance);
-    correlation[0] = 1.0;
-    let (coefficients, _) = levinson(&correlation);
+    let coefficients = predictor(inputs, order, WHITE_NOISE_FLOOR);
     inputs.iter_mut().chain(residuals).for_each(|values| innovations(values, &coefficients));
 }
 
@@ -265,6 +266,20 @@ mod tests {
         let found = autocorrelation(&vec![vec![colored]], 0, "y", 25, 0);
         assert!(found.p_value < 1e-10);
         assert!((found.explained_by_past - 0.36).abs() < 0.03, "{}", found.explained_by_past);
+    }
+
+    #[test]
+    fn innovations_of_an_autoregression_are_the_noise_that_drives_it() {
+        let mut noise = Noise::new(3);
+        let white: Vec<f64> = (0..20_000).map(|_| noise.normal()).collect();
+        let mut colored = white.clone();
+        (1..colored.len()).for_each(|k| colored[k] += 0.6 * colored[k - 1]);
+        let found = prediction(std::slice::from_ref(&colored), 2);
+        // Deviation of an estimated coefficient: 1 / sqrt(n) = 0.007.
+        assert!((found[0] - 0.6).abs() < 0.03 && found[1].abs() < 0.03, "{found:?}");
+        innovations(&mut colored, &[0.6]);
+        assert!(colored.iter().zip(&white).all(|(found, drawn)| (found - drawn).abs() < 1e-12));
+        assert!(prediction(&[vec![0.0; 50]], 2).is_empty());
     }
 
     #[test]

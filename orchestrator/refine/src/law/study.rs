@@ -195,7 +195,7 @@ fn sought(
     found.complete = white;
     found.left[1] = judge.left(&fits, &model);
     let left = (law.port.clone(), judge.floors(judge.excess(&model)));
-    found.left_at = if complete { Vec::new() } else { vec![left] };
+    found.left_at = if white { Vec::new() } else { vec![left] };
     found.law = Some(law);
     found.fitted = assembled::fitted(study, &model.fit.parameters);
     found.corrections = by_share::corrections_beside(study, &model, &found.corrections);

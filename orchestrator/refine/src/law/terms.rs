@@ -34,7 +34,7 @@ pub(super) fn told(law: &Law, effect: &Effect) -> String {
     let value = |p: &Parameter| format!("{} {:.4e} {}", p.name, p.value, p.unit);
     let values: Vec<String> = law.effect.parameters.iter().map(value).collect();
     format!(
-        "`{}` is a term of a law at {} that takes away {} of the error on validation records: {formula}, with {}. Its other terms are of no listed form.",
+        "`{}` is a term of a law at {} that takes away {} of the error on validation records: {formula}, with {}.",
         effect.id,
         law.port,
         percent(law.share),

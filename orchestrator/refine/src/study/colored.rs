@@ -94,7 +94,10 @@ pub(crate) fn raised(
 /// whether it does.
 pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answer) -> bool {
     let study = fits.study;
-    let Some(noises) = noises(fits, judge, model).filter(|_| !found.complete) else { return false };
+    if found.complete {
+        return false;
+    }
+    let Some(noises) = noises(fits, judge, model) else { return false };
     if judge.rest(fits, model).place.is_some() {
         return false;
     }
@@ -198,11 +201,13 @@ fn noise(
             more < f64::max(MAX_DEVIATIONS * (2.0 * blocks).sqrt(), allowed)
         })
     };
-    let driven = (0..drivers.first().map_or(0, |own| own.inputs.len())).any(|k| {
-        cross_correlation(estimation, drivers, (o, name), (k, ""), LAGS.1).missing_dynamics > MAX_BANDS
-    });
+    let is_driven = || {
+        (0..drivers.first().map_or(0, |own| own.inputs.len())).any(|k| {
+            cross_correlation(estimation, drivers, (o, name), (k, ""), LAGS.1).missing_dynamics > MAX_BANDS
+        })
+    };
     let is_alone = explained_by(drivers, &own) < MAX_EXPLAINED_SHARE;
-    (is_alone && white(own.clone()) && white(other) && !driven)
+    (is_alone && white(own.clone()) && white(other) && !is_driven())
         .then(|| Noise { rms: rms(&own), correlation_time })
 }
 

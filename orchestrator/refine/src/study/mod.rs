@@ -26,7 +26,7 @@ pub mod catalog;
 pub mod changed;
 pub(crate) mod clipping;
 pub(crate) mod colored;
-mod command;
+pub mod command;
 pub mod dataset;
 pub mod declaration;
 mod driven;
