@@ -221,3 +221,21 @@ def test_a_shape_that_no_record_shows_stands_for_nothing_else(tmp_path, case, se
     assert named(found) == []
     tried = [own for step in found["steps"] for own in step["candidates"] if own["id"] == imitation]
     assert any(reason in (own["rejected"] or "") for own in tried), tried
+
+
+@pytest.mark.parametrize("kind", ["resistance", "voltage_drop"])
+def test_a_voltage_that_is_lost_along_a_current_is_found_at_the_voltage(tmp_path, kind):
+    folder, truth = machine(tmp_path, f"motor_e_{kind}_V", seed=3)
+    result = refine(folder / "plain.toml", tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == [f"{kind}@V"] and found["complete"]
+    main = truth["effects"][0]["main"]
+    true, value = truth["effects"][0]["params"][main], found["effects"][0]["params"][main]
+    assert value["value"] == pytest.approx(true["value"], rel=0.05) and value["unit"] == {"coef": "V/A", "drop": "V"}[main]
+    system = tmp_path / "out" / "system" / "system.ssd"
+    run = start("run", system, "--study", folder / "plain.toml", "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    for role in ("estimation", "validation"):
+        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from command import ROOT
+from command import ROOT, start
 from test_study import named, refine
 
 THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
@@ -166,3 +166,25 @@ def test_a_law_is_found_behind_noise_that_is_not_white(tmp_path):
     for name, value in [("a", LEAK), ("m", 3.0e5), ("w", LEAK_WIDTH)]:
         assert law["params"][name]["value"] == pytest.approx(value, rel=0.03)
     assert found["complete"] and law["share"] > 0.97
+
+
+def test_a_law_is_found_beside_an_effect(tmp_path):
+    path = study(tmp_path, width=0.5, off=(0.01, -0.015, 0.02), pole=0.0, seed=8, leak_at=3.0e5)
+    found, text = answered(path, tmp_path / "out", 0)
+    assert found["verdict"] == "effect" and named(found) == ["deadband@u"]
+    width = found["effects"][0]["params"]["width"]
+    low, high = width["ci95"]
+    assert abs(width["value"] - 0.5) < high - low < 0.03
+    law = found["law"]
+    assert law["port"] == "w_x" and law["formula"] == "a*exp(-((x - m)/w)^2)"
+    for name, value in [("a", LEAK), ("m", 3.0e5), ("w", LEAK_WIDTH)]:
+        assert law["params"][name]["value"] == pytest.approx(value, rel=0.05)
+    # Both stand in the sentence, in the error that is printed, and in the amended system.
+    assert "a dead band at u" in text and "and a law at w_x, over p (x): a*exp(-((x - m)/w)^2)" in text
+    assert found["complete"] and found["share"] > 0.97 and 0.02 < law["share"] < found["share"]
+    system = tmp_path / "out" / "system" / "system.ssd"
+    run = start("run", system, "--study", path, "-o", tmp_path / "run")
+    assert run.returncode == 0, run.stderr
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    for role in ("estimation", "validation"):
+        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)

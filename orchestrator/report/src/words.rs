@@ -115,8 +115,12 @@ fn at(place: &str) -> String {
 
 fn answered(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
-    let list =
-        chosen.iter().map(|e| format!("{}: {}", in_words(e), size(e))).collect::<Vec<_>>().join("; and ");
+    let mut list: Vec<String> =
+        chosen.iter().map(|effect| format!("{}: {}", in_words(effect), size(effect))).collect();
+    if answer.verdict == Verdict::Effect {
+        list.extend(answer.law.as_ref().map(lacking));
+    }
+    let list = list.join("; and ");
     let rest = answer.unexplained.as_ref().map(|(place, variables)| {
         let (channel, _) = names::place(place);
         let on = match variables.is_empty() {
@@ -167,20 +171,18 @@ fn answered(answer: &Answer) -> String {
 
 /// A law in one sentence, or two.
 fn law(own: &Law) -> String {
+    let share = format!("It takes away {:.0} % of the error on validation records.", 100.0 * own.share);
+    format!("The declared model lacks {}. {share}", lacking(own))
+}
+
+/// A law as it follows "the model lacks".
+fn lacking(own: &Law) -> String {
     let text = own.effect.own.as_ref().map_or("", |own| own.formula.as_str());
     let on = over(own);
-    let share = format!("It takes away {:.0} % of the error on validation records.", 100.0 * own.share);
     if own.named {
-        format!(
-            "The declared model lacks a law at {}, over {on}: {text}, with {}. {share}",
-            own.port,
-            size(&own.effect)
-        )
+        format!("a law at {}, over {on}: {text}, with {}", own.port, size(&own.effect))
     } else {
-        format!(
-            "The declared model lacks a law at {}, over {on}, that no short formula says: a curve. {share}",
-            own.port
-        )
+        format!("a law at {}, over {on}, that no short formula says: a curve", own.port)
     }
 }
 
@@ -210,7 +212,9 @@ fn over(own: &Law) -> String {
 fn share_and_remainder(answer: &Answer) -> String {
     let chosen: Vec<&Effect> = answer.effects.iter().filter(|effect| effect.selected).collect();
     let alone = match chosen[..] {
-        [one] => one.share.map(|share| format!("It takes away {} of the error", percent(share))),
+        [one] if answer.law.is_none() => {
+            one.share.map(|share| format!("It takes away {} of the error", percent(share)))
+        }
         _ => None,
     };
     let whole = answer.share.map(percent).unwrap_or_default();

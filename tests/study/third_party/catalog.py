@@ -4,16 +4,16 @@
 SINGLES = {
     "servo": (
         "coulomb@tau_l viscous@tau_l stribeck@tau_l spring@tau_l endstop@tau_l cogging@tau_l coulomb@tau_m"
-        " viscous@tau_m gain@tau_m delay@tau_m deadband@tau_m saturation@tau_m sensor_gain@w_l parameter@J_l"
+        " viscous@tau_m gain@tau_m delay@tau_m deadband@tau_m saturation@tau_m sensor_gain@w_l parameter@J_l load_friction@tau_m"
     ),
     "arm": (
         "coulomb@tau_1 coulomb@tau_2 viscous@tau_1 viscous@tau_2 stribeck@tau_2 spring@tau_1 spring@tau_2"
-        " endstop@tau_2 cogging@tau_1 gain@tau_2 delay@tau_1 saturation@tau_1 deadband@tau_2 hysteresis@tau_2"
+        " endstop@tau_2 cogging@tau_1 gain@tau_2 delay@tau_1 saturation@tau_1 deadband@tau_2 hysteresis@tau_2 load_friction@tau_1"
     ),
     "tanks": "gain@u saturation@u delay@u lag@u droop@u command_offset@u leakage@q_1 offset@q_2 sensor_gain@h_2 sensor_offset@h_1",
     "motor": (
         "coulomb@tau_load viscous@tau_load stribeck@tau_load quaddrag@tau_load offset@tau_load gain@V"
-        " deadband@V saturation@V delay@V lag@V sensor_gain@i parameter@J"
+        " deadband@V saturation@V delay@V lag@V sensor_gain@i parameter@J resistance@V voltage_drop@V"
     ),
     "cylinder": (
         "coulomb@F_ext viscous@F_ext stribeck@F_ext spring@F_ext endstop@F_ext cogging@F_ext gain@u"
@@ -40,6 +40,15 @@ OUTSIDE = {
     "cylinder": "bump@F_ext product@F_ext",
     "furuta": "cubic@tau bump@tau_p wander@tau",
 }
+# An effect of the vocabulary and one that it has not, on exact machines.
+BESIDE = {
+    "servo": "coulomb@tau_l+bump@tau_l viscous@tau_l+speedbump@tau_m",
+    "arm": "coulomb@tau_1+bump@tau_1 viscous@tau_1+bump@tau_2",
+    "tanks": "delay@u+bump@q_1 gain@u+bump@q_2",
+    "motor": "deadband@V+speedbump@tau_load voltage_drop@V+speedbump@tau_load",
+    "cylinder": "coulomb@F_ext+bump@F_ext deadband@u+bump@F_ext",
+    "furuta": "coulomb@tau_p+bump@tau_p delay@tau+bump@tau_p",
+}
 # Controls of every system, exact and messy.
 CONTROLS = 2
 # Small forces and torques of messy machines.
@@ -53,6 +62,7 @@ SAME = {
     ("arm", "viscous@tau_2"): "b_2",
     ("tanks", "gain@u"): "k_p",
     ("motor", "viscous@tau_load"): "b",
+    ("motor", "resistance@V"): "R",
     ("motor", "coulomb@tau_load"): "tau_c",
     ("cylinder", "viscous@F_ext"): "b",
     ("cylinder", "gain@u"): "q_n",

@@ -5,7 +5,8 @@ two studies per case.
 
 A case DIR/SYSTEM_E_NAME: E is `e`, exact: the declared values are right, an effect and white sensor noise; or `m`,
 messy: every declared value is off by its tolerance, small forces of no listed form act at every port, and the noise is
-colored. Names: `KIND_PORT` an effect, `pair_...`, `none` a control, `outside_...` an effect that no vocabulary has.
+colored. Names: `KIND_PORT` an effect, `pair_...`, `none` a control, `outside_...` an effect that no vocabulary has,
+`beside_...` one of each.
 `study.toml` attaches channels to inputs, `plain.toml` leaves the places to the program. truth.json holds the answer;
 see score_third_party.py.
 
@@ -23,7 +24,7 @@ import zlib
 import numpy as np
 
 import fmu
-from catalog import ALIKE, CONTROLS, IDS, OUTSIDE, PAIRS, SAME, SINGLES, SMALL, SMALL_COMMAND
+from catalog import ALIKE, BESIDE, CONTROLS, IDS, OUTSIDE, PAIRS, SAME, SINGLES, SMALL, SMALL_COMMAND
 from systems import SYSTEMS, multisine
 from truth import MAIN, PARAMETERS, Machine, parameters, scales
 
@@ -279,10 +280,11 @@ def truth(draw, figures, cls):
                 "share": round(share, 4),
                 "parameter": port if kind == "parameter" else SAME.get((system.name, f"{kind}@{port}")),
                 "alike": ALIKE.get(kind, []),
+                "listed": kind in PARAMETERS,
             }
         )
     verdict = {"outside": "unexplained", "control": "none"}.get(cls, "effect")
-    inside = verdict == "effect" and all(e["id"] for e in effects)
+    inside = verdict == "effect" and all(e["id"] for e in effects if e["listed"])
     figure = lambda values: dict(zip(system.measured, (float(f"{v:.4g}") for v in values)))
     return {
         "system": system.name,
@@ -310,6 +312,8 @@ def cases():
                 yield f"{short}_pair_{re.sub('[@+]', '_', pair)}", system, pair.split("+"), messy, "pair"
             for k in range(CONTROLS):
                 yield f"{short}_none_{k + 1}", system, [], messy, "control"
+            for pair in BESIDE[name].split() if not messy else []:
+                yield f"{short}_beside_{re.sub('[@+]', '_', pair)}", system, pair.split("+"), messy, "beside"
             for one in OUTSIDE[name].split():
                 yield f"{short}_outside_{one.replace('@', '_')}", system, [one], messy, "outside"
 
@@ -329,7 +333,7 @@ def main():
         figures = None
         for _ in range(TRIES):
             try:
-                draw = Draw(system, effects, messy, rng, cls == "outside")
+                draw = Draw(system, effects, messy, rng, cls in ("outside", "beside"))
                 figures = draw.scaled()
             except ArithmeticError:
                 continue

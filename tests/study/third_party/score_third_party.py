@@ -13,6 +13,7 @@ prints that table and counts per class. Rules:
   (exit code 0 or 12) and all true effects and nothing else are selected. Corrections of declared parameters
   (`corrections`) are not counted.
 * control: right when nothing is selected, and the verdict is "none", on messy machines "none" or "unexplained".
+* beside: `exact` when the verdict is "effect", the listed effect and nothing else is selected, and the law is at the port of the other.
 * outside: right when the verdict is "unexplained" or "law", and nothing wrong is selected.
 * error: of the main parameter of the first true effect, relative. system: whether the amended system was written, and
   whether `airloop run --study` runs it.
@@ -85,7 +86,8 @@ def row_of(case, truth, report, run, flavor):
         found = [match(o, true, system) for o in own]
         return "yes" if "yes" in found else "kind" if "kind" in found else "no"
 
-    hits = [[hit(e, true) for true in truth["effects"]] for e in selected]
+    trues = [true for true in truth["effects"] if truth["class"] != "beside" or true["listed"]]
+    hits = [[hit(e, true) for true in trues] for e in selected]
     said, code = report.get("verdict", run["failed"]), run["code"]
     true_ports = {t["port"] for t in truth["effects"]}
     unexplained = report.get("unexplained") or {}
@@ -114,16 +116,18 @@ def row_of(case, truth, report, run, flavor):
     )
     other_effects = [label(e) for e, own in zip(selected, hits) if "yes" not in own and "kind" not in own]
     row["other_effects"] = " ".join(other_effects) or NONE
-    if truth["class"] in ("single", "pair"):
+    if truth["class"] in ("single", "pair", "beside"):
         row["first"] = hits[0][int(np.argmax([{"yes": 2, "kind": 1, "no": 0}[h] for h in hits[0]]))] if hits else "no"
-        found = [any(own[k] == "yes" for own in hits) for k in range(len(truth["effects"]))]
+        found = [any(own[k] == "yes" for own in hits) for k in range(len(trues))]
         row["exact"] = said == "effect" and code in (0, 12) and all(found) and not other_effects
+        if truth["class"] == "beside":
+            row["exact"] &= law.get("port") in {true["port"] for true in truth["effects"] if not true["listed"]}
         row["right"] = row["exact"]
         if verdict == "unexplained":
             # No channel of the attachments has such an effect: to say so is right, to name it as well.
             row["right"] |= said in ("unexplained", "law") and not other_effects
             row["first"] = row["first"] if row["first"] == "yes" else NONE
-        pick = [(e, t) for e, own in zip(selected, hits) for h, t in zip(own, truth["effects"]) if h != "no"]
+        pick = [(e, t) for e, own in zip(selected, hits) for h, t in zip(own, trues) if h != "no"]
         if pick:
             effect, true = pick[0]
             value = effect.get("params", {}).get(true["main"], {}).get("value")
@@ -197,12 +201,12 @@ def summary(rows):
     """A line per kind and class."""
     lines = []
     for kind in ("exact", "messy"):
-        for cls in ("single", "pair", "control", "outside"):
+        for cls in ("single", "pair", "beside", "control", "outside"):
             own = [r for r in rows if (r["kind"], r["cls"]) == (kind, cls)]
             if not own:
                 continue
             right, n = sum(r["right"] is True for r in own), len(own)
-            if cls in ("single", "pair"):
+            if cls in ("single", "pair", "beside"):
                 first, n = collections.Counter(r["first"] for r in own), sum(r["first"] != NONE for r in own)
                 errors = [r["error"] for r in own if r["error"] != NONE]
                 systems = collections.Counter(r["system"] for r in own)

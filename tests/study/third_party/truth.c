@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum {
-    VISCOUS, COULOMB, STRIBECK, SPRING, ENDSTOP, COGGING, QUADDRAG, OFFSET, ASYMMETRY, POSCOULOMB, LEAKAGE, OVERFLOW_,
+    VISCOUS, COULOMB, STRIBECK, SPRING, ENDSTOP, COGGING, QUADDRAG, OFFSET, ASYMMETRY, POSCOULOMB, LEAKAGE, OVERFLOW_, LOADFRICTION,
     CUBIC = 20, BUMP, SPEEDBUMP, PRODUCT, WANDER, POWER, TEETH, CROSS, HEAT, STEPCHANGE,
     GAIN = 40, COMMAND_OFFSET, DEADBAND, SATURATION, PLAY, DELAY, LAG, MODE, RATELIMIT, DROOP, ASYMLAG,
     KINK = 60, COMMAND_CUBIC, COMMAND_WANDER, COMMAND_BUMP, HEATGAIN
@@ -54,6 +54,7 @@ static double at_port(const Plant *plant, int port, double value, double v, doub
         case POSCOULOMB: taken += q[0] * x * sign_of(v, q[1]); break;
         case LEAKAGE: taken += q[0] * sqrt(fmax(x, 0.0)); break;
         case OVERFLOW_: taken += q[0] * fmax(0.0, x - q[1]); break;
+        case LOADFRICTION: taken += q[0] * fabs(value) * sign_of(v, q[1]); break;
         case CUBIC: taken += q[0] * x * x * x; break;
         case BUMP: taken += q[0] * exp(-((x - q[1]) / q[2]) * ((x - q[1]) / q[2])); break;
         case SPEEDBUMP: taken += q[0] * exp(-((v - q[1]) / q[2]) * ((v - q[1]) / q[2])); break;

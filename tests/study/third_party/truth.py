@@ -12,7 +12,9 @@ from systems import SYSTEMS
 
 # Numbers of the kinds in truth.c.
 CODES = {name: k for k, name in enumerate(
-    "viscous coulomb stribeck spring endstop cogging quaddrag offset asymmetry poscoulomb leakage overflow".split())}
+    "viscous coulomb stribeck spring endstop cogging quaddrag offset asymmetry poscoulomb leakage overflow load_friction".split())}
+# The same equations along a current.
+CODES |= {"resistance": CODES["viscous"], "voltage_drop": CODES["coulomb"]}
 CODES |= {name: 20 + k for k, name in enumerate("cubic bump speedbump product wander power teeth cross heat".split())}
 CODES |= {name: 40 + k for k, name in enumerate("gain command_offset deadband saturation hysteresis delay lag mode ratelimit droop".split())}
 CODES |= {name: 60 + k for k, name in enumerate("kink command_cubic command_wander command_bump heatgain".split())}
@@ -23,6 +25,7 @@ PARAMETERS = {
     "viscous": {"coef": "F/V"}, "coulomb": {"force": "F"}, "stribeck": {"force": "F", "vs": "V"}, "spring": {"stiffness": "F/X", "rest": "X"},
     "endstop": {"stiffness": "F/X", "damping": "F/V", "pos": "X"}, "cogging": {"amp": "F", "period": "X", "phase": "rad"}, "quaddrag": {"coef": "F/V2"},
     "offset": {"value": "F"}, "asymmetry": {"force": "F"}, "poscoulomb": {"slope": "F/X"}, "leakage": {"coef": "F/X0.5"},
+    "load_friction": {"coef": "1"}, "resistance": {"coef": "U/A"}, "voltage_drop": {"drop": "U", "vt": "A"},
     "gain": {"gain": "1"}, "command_offset": {"value": "U"}, "deadband": {"width": "U"}, "saturation": {"limit": "U"}, "hysteresis": {"width": "U"},
     "delay": {"delay": "s"}, "lag": {"tau": "s"}, "mode": {"freq": "Hz", "zeta": "1"}, "ratelimit": {"rate": "U/s"}, "droop": {"depth": "1", "tau": "s"},
     "sensor_gain": {"gain": "1"}, "sensor_offset": {"value": "Y"}, "sensor_delay": {"delay": "s"}, "parameter": {"change": "1"},
@@ -81,6 +84,9 @@ def parameters(kind, strength, z, s):
         case "poscoulomb": return dict(slope=0.3 * F / X)
         case "leakage": return dict(coef=0.1 * F / np.sqrt(0.15))
         case "overflow": return dict(coef=3.0 * F / X, level=s["low"] + X * (0.7 + 0.15 * z[0]))
+        case "load_friction": return dict(coef=0.1 * strength)
+        case "resistance": return dict(coef=0.1 * strength)
+        case "voltage_drop": return dict(drop=0.04 * U * strength, vt=0.05)
         case "gain": return dict(gain=0.05 * strength * sign)
         case "command_offset": return dict(value=0.02 * strength * s["swing"] * sign)
         case "deadband": return dict(width=0.04 * strength * U)
@@ -117,7 +123,7 @@ def row(kind, values, port, s):
     if kind.startswith("sensor") or kind == "parameter":
         return None
     q = list(values.values())
-    q += [s["vt"]] * (kind in ("coulomb", "stribeck", "asymmetry", "poscoulomb", "heat"))
+    q += [s["vt"]] * (kind in ("coulomb", "stribeck", "asymmetry", "poscoulomb", "heat", "load_friction"))
     return Effect(CODES[kind], port, (ctypes.c_double * 6)(*q))
 
 

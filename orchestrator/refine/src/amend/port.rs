@@ -8,7 +8,7 @@ use super::network::{Block, Part};
 use crate::answer::{Effect, Wiring};
 
 /// Order of the kinds that change the value that passes, as the search has them; all others add up behind them.
-pub const ORDER: [&str; 13] = [
+pub const ORDER: [&str; 14] = [
     "delay",
     "hysteresis",
     "lag",
@@ -22,6 +22,7 @@ pub const ORDER: [&str; 13] = [
     "gain",
     "posgain",
     "droop",
+    "load_friction",
 ];
 
 /// The block, with the name of its component; none for an effect that is no block.
@@ -29,7 +30,8 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
     let value = |index: usize| effect.parameters.get(index).map_or(0.0, |p| p.value);
     let (names, inputs): (&[&str], &[&'static str]) = match effect.kind() {
         "viscous" => (&["viscous_coef"], &["v"]),
-        "coulomb" => (&["coulomb_level"], &["v"]),
+        "resistance" => (&["viscous_coef"], &["v"]),
+        "coulomb" | "voltage_drop" => (&["coulomb_level"], &["v"]),
         "cubic_spring" => (&["cubic_stiffness", "cubic_rest"], &["x"]),
         "linear_leakage" => (&["spring_stiffness"], &["x"]),
         "leakage" => (&["outlet_coef"], &["x"]),

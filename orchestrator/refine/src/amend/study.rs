@@ -6,7 +6,7 @@ use super::Error;
 use super::blocks::{self, Sources};
 use super::network::{Baked, Block, Network, end};
 use super::{own, port};
-use crate::answer::{Answer, Effect, Wiring};
+use crate::answer::{Answer, Effect, Parameter, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
 use crate::study::open;
 use crate::vocabulary::builtin::Builtin;
@@ -21,6 +21,8 @@ use airloop_fmi::{Causality, Variability};
 const STEP: f64 = 1e-3;
 /// Samples of a delay at most, as the blocks keep them.
 const MAX_DELAY_SAMPLES: f64 = 255.0;
+/// Name of the velocity over which friction changes its sign, in formulas of the program.
+const SIGN_CHANGE: &str = "vt";
 /// Samples of a block that has to be sampled, on a signal that moves between those of the records.
 const SAMPLES_PER_STEP: f64 = 10.0;
 
@@ -279,7 +281,19 @@ fn place(
         .or_else(|| port::block(effect, name.clone(), wiring, step, &sources))
         .or_else(|| {
             let formula = Builtin::formula(effect.kind())?;
-            Some(own::block(&formula, (effect, name), wiring.sign, &sources))
+            let mut effect = effect.clone();
+            if formula.parameters.iter().any(|p| p.name == SIGN_CHANGE)
+                && !effect.parameters.iter().any(|p| p.name == SIGN_CHANGE)
+            {
+                let (name, value) = (SIGN_CHANGE.to_owned(), wiring.vt);
+                effect.parameters.push(Parameter {
+                    name,
+                    unit: String::new(),
+                    value,
+                    interval: (value, value),
+                });
+            }
+            Some(own::block(&formula, (&effect, name), wiring.sign, &sources))
         });
     let Some(block) = block else { return };
     for (index, target) in targets.iter().enumerate() {

@@ -68,7 +68,8 @@ fn axes(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
             (Velocity, Shown::Friction)
         }
         Law::Pressure => (PressureForce, Shown::Level),
-        Law::PositionCoulomb => (Position, Shown::Level),
+        Law::PositionCoulomb | Law::PeriodicCoulomb => (Position, Shown::Level),
+        Law::Load => (Value, Shown::Level),
         Law::Presliding => (Position, Shown::Reversal),
         Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging | Law::CubicSpring => {
             (Position, Shown::Added)
@@ -104,7 +105,7 @@ fn value((law, own): (Law, Option<&Own>), wiring: &Wiring, shown: &Shown, x: f64
     let taken = || match law {
         Law::Own(_) => formula(),
         Law::Spring => p[0] * (x - p[1]),
-        Law::Cogging => p[0] * (TAU * x / p[2] + p[1]).sin(),
+        Law::Cogging => wave(p, x),
         // At rest.
         _ => law.force(p, &Point { position: x, time: x, ..Point::default() }, 0.0, 0.0, 0.0),
     };
@@ -117,12 +118,19 @@ fn value((law, own): (Law, Option<&Own>), wiring: &Wiring, shown: &Shown, x: f64
         }
         (_, Shown::Taken) => wiring.sign * taken(),
         (_, Shown::Added) => -wiring.sign * taken(),
-        (_, Shown::Level) => p[0] * if law == Law::Pressure { x.abs() } else { x },
+        (Law::PeriodicCoulomb, Shown::Level) => wave(p, x),
+        (Law::Pressure | Law::Load, Shown::Level) => p[0] * x.abs(),
+        (_, Shown::Level) => p[0] * x,
         // The first slip from rest.
         (_, Shown::Reversal) => wiring.level * (1.0 - (-x.abs() / p[0].max(1e-9)).exp()),
         (_, Shown::Passed) => law.command(p, &Point::default(), x),
         (_, Shown::Factor) => law.command(p, &Point { position: x, time: x, ..Point::default() }, 1.0),
     }
+}
+
+/// Amplitude, phase and period of the vocabulary as a wave.
+fn wave(p: &[f64], x: f64) -> f64 {
+    p[0] * (TAU * x / p[2] + p[1]).sin()
 }
 
 /// Name and unit of a variable.

@@ -171,9 +171,10 @@ impl Finder<'_> {
     /// Share of the error on validation records that a free form takes away.
     fn validated(&self, study: &Study, answer: &Answer, form: &FreeForm) -> f64 {
         let validation = pieces(study, Role::Validation);
-        let after = errors(&self.fits(study), &[form.candidate], &validation, &form.at.parameters, None);
+        let after =
+            errors(&self.fits(study), &self.acting(form.candidate), &validation, &form.at.parameters, None);
         let floor = &answer.floor[1];
-        share(study, [&answer.before[1], &after], &[floor.clone(), floor.clone()])
+        share(study, [&self.lacking, &after], &[floor.clone(), floor.clone()])
     }
 
     /// A formula fitted to whole records, beside further `corrections` of the declared model in units of the noise.
@@ -191,7 +192,8 @@ impl Finder<'_> {
         let values: Vec<f64> = effect.parameters.iter().map(value).collect();
         let (c, p) = self.start(study, place, &effect, &values);
         let (fits, locals) = (self.fits(study), &place.whole.locals);
-        let direct = fits.fit_from(vec![c], &p, locals);
+        let added = self.acting(c);
+        let direct = fits.fit_from(added.clone(), &p, locals);
         let near =
             (MAX_ERROR_OVER_DECLARED * declared.error).max(MAX_ERROR_OVER_FREE_FORM * place.whole.error);
         let gains = |model: &Model| self.aim.is_share() && model.error < declared.error;
@@ -199,8 +201,8 @@ impl Finder<'_> {
             Some(model) if model.error < near || gains(&model) => Some(model),
             // From the beginning of the records on: whole ones may end anywhere.
             direct => {
-                let grown = fits.grow(&[c], &fits.pieces, &p, &fits.free(&[c]), &GROWING_SHARES, 8);
-                let again = fits.fit_from(vec![c], &grown.parameters, &grown.locals);
+                let grown = fits.grow(&added, &fits.pieces, &p, &fits.free(&added), &GROWING_SHARES, 8);
+                let again = fits.fit_from(added, &grown.parameters, &grown.locals);
                 let better = |own: &Model| direct.as_ref().is_none_or(|other| own.error < other.error);
                 if again.as_ref().is_some_and(better) { again } else { direct }
             }
@@ -282,7 +284,7 @@ impl Finder<'_> {
         let effect =
             effect(&text, &[("a".into(), "1".into(), 1.0)], place.units, study.taps[place.form.tap].sign)?;
         let (c, p) = self.start(study, place, &effect, &[1.0]);
-        Some((self.fits(study).fit_from(vec![c], &p, &place.whole.locals)?, effect, 1.0))
+        Some((self.fits(study).fit_from(self.acting(c), &p, &place.whole.locals)?, effect, 1.0))
     }
 
     /// The best law with a memory, at any attachment whose motion is known.

@@ -72,9 +72,9 @@ impl Finder<'_> {
         let fits = self.fits(study);
         let own: Vec<Free> = study.entries[first..first + count].iter().map(|entry| entry.free).collect();
         let (view, locals) = match &self.windows {
-            Some(windows) => (windows.view(&fits, candidate), windows.begins.clone()),
+            Some(windows) => (windows.view(&fits, &self.acting(candidate)), windows.begins.clone()),
             None => (
-                fits.view(&[candidate], &beginnings(&fits.pieces, SCREENED_SHARE_OF_RECORDS)),
+                fits.view(&self.acting(candidate), &beginnings(&fits.pieces, SCREENED_SHARE_OF_RECORDS)),
                 base.fit.locals.clone(),
             ),
         };
@@ -98,7 +98,12 @@ impl Finder<'_> {
         let own = study.candidates[form.candidate].entries.clone();
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
         let free = [&heights[..], &self.shared(study)[..]];
-        let at = form.at.toward(&windows.view(&fits, form.candidate), &form.surface, free, 2 * ROUNDS)?;
+        let at = form.at.toward(
+            &windows.view(&fits, &self.acting(form.candidate)),
+            &form.surface,
+            free,
+            2 * ROUNDS,
+        )?;
         Some(FreeForm { at, ..form })
     }
 
@@ -109,7 +114,7 @@ impl Finder<'_> {
         let heights: Vec<Free> = own.map(|index| study.entries[index].free).collect();
         let shared = self.shared(study);
         let free = [&heights[..], &shared[..]];
-        let whole = fits.view(&[form.candidate], &fits.pieces);
+        let whole = fits.view(&self.acting(form.candidate), &fits.pieces);
         let base =
             Approach::begin(&whole, &form.surface, &form.at.parameters, free, &form.locals, None, None)?;
         let without = base.smooth.without;
@@ -147,12 +152,12 @@ impl Finder<'_> {
         (mut p, mut locals): (Vec<f64>, Vec<Vec<f64>>),
     ) -> Option<Approach> {
         for part in GROWING_SHARES {
-            let view = fits.view(&[form.candidate], &beginnings(&fits.pieces, part));
+            let view = fits.view(&self.acting(form.candidate), &beginnings(&fits.pieces, part));
             let at = Approach::begin(&view, &form.surface, &p, free, &locals, None, None)?;
             let at = at.toward(&view, &form.surface, free, ROUNDS)?;
             (p, locals) = (at.parameters, at.locals);
         }
-        let whole = fits.view(&[form.candidate], &fits.pieces);
+        let whole = fits.view(&self.acting(form.candidate), &fits.pieces);
         let at = Approach::begin(&whole, &form.surface, &p, free, &locals, None, None)?;
         at.toward(&whole, &form.surface, free, 2 * ROUNDS)
     }

@@ -9,6 +9,7 @@
 //! whole records. [`written`] turns a formula into an effect of one's own, [`found`] is the answer; [`listed`] asks
 //! whether effects of the list do as well.
 
+pub mod beside;
 mod crossed;
 mod elsewhere;
 pub mod exact;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
+use super::beside::MAX_ERROR_WITHOUT;
 use super::extent::Extent;
 use super::found::{Law, as_effect, dissipation, parameters as law_parameters};
 use super::grammar::Axis;
@@ -78,6 +79,18 @@ impl Aim {
     }
 }
 
+/// Where a law is looked for, and what it may leave.
+pub(super) struct Scope<'a> {
+    /// Errors on validation records of the model that lacks the law.
+    pub(super) lacking: &'a Errors,
+    /// Error on estimation records that a law may leave where it leaves more than noise, in units of the scales.
+    pub(super) enough: f64,
+    /// See [`Finder::wide`].
+    pub(super) wide: bool,
+    /// See [`Finder::max_tolerances`].
+    pub(super) max_tolerances: f64,
+}
+
 pub(super) struct Finder<'a> {
     pub(super) aim: Aim,
     pub(super) scale: &'a [f64],
@@ -96,13 +109,27 @@ pub(super) struct Finder<'a> {
     pub(super) max_error: f64,
     /// Whether laws over the motion at other ports and laws with a memory are tried.
     pub(super) wide: bool,
+    /// Tolerances up to which declared parameters are corrected beside effects with a law that leave noise.
+    pub(super) max_tolerances: f64,
+    /// Effects beside which a law is looked for, fitted along with it: candidates.
+    pub(super) beside: Vec<usize>,
+    /// Errors on validation records of the model that lacks the law.
+    pub(super) lacking: Errors,
     /// Residuals where free forms begin, and their derivatives by what is fitted along with them.
     pub(super) unmoved: OnceLock<Vec<Columns>>,
 }
 
-/// Puts a law into an answer that found nothing to name, or effects that leave much; the model with it, if there is
-/// one. `base`: the declared model with its corrections, beside which the law is fitted. Without a law the study stays
-/// as it is.
+/// Result of the search for a law in place of the effects of an answer.
+#[derive(Debug, Default)]
+pub struct InPlace {
+    /// The model with the law, if there is one.
+    pub law: Option<Model>,
+    /// Candidates of the answer that are terms of a law which therefore does not take their place.
+    pub terms: Vec<usize>,
+}
+
+/// Puts a law into an answer that found nothing to name, or effects that leave much. `base`: the declared model with
+/// its corrections, beside which the law is fitted. Without a law the study stays as it is.
 pub fn explain(
     study: &mut Study,
     scale: &[f64],
@@ -110,13 +137,14 @@ pub fn explain(
     found: &mut Answer,
     aim: Aim,
     say: Say,
-) -> Option<Model> {
+) -> InPlace {
     let before = Extent::of(study);
-    let law = sought(study, scale, model, found, aim, say);
+    let mut terms = Vec::new();
+    let law = sought(study, scale, model, found, (aim, &mut terms), say);
     if law.is_none() {
         before.restore(study);
     }
-    law
+    InPlace { law, terms }
 }
 
 fn sought(
@@ -124,7 +152,7 @@ fn sought(
     scale: &[f64],
     (judge, base): (&Judge, &Model),
     found: &mut Answer,
-    aim: Aim,
+    (aim, held): (Aim, &mut Vec<usize>),
     say: Say,
 ) -> Option<Model> {
     let left = 1.0 - found.share.unwrap_or(0.0);
@@ -132,26 +160,15 @@ fn sought(
     if !(found.verdict == Verdict::Unexplained || partly) || stop::asked() {
         return None;
     }
-    let corrections = corrected(study, &base.fit);
-    let (quick, trace, windows, noise) = {
-        let fits = Fits::new(study, scale.to_vec());
-        let (trace, windows) = (motion(&fits, base), Windows::new(&fits, base));
-        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
-        let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
-        (fits.quickened(base).quick, trace, windows, noise * samples as f64)
-    };
     // What a law may leave that does not explain the records to the noise.
     let enough = match partly {
         true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0].rms),
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
-    let ratio = if aim.is_share() { MAX_ERROR_OF_FREE_FORM_OF_SHARE } else { MAX_ERROR_OF_FREE_FORM };
-    let max_error = ratio * enough.max(judge.tolerated.max(judge.power).sqrt());
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
-    let unmoved = OnceLock::new();
-    let mut finder =
-        Finder { aim, scale, say, corrections, quick, trace, windows, noise, max_error, wide, unmoved };
-    let Outcome { mut law, model, after } = finder.find(study, judge, base, found)?;
+    let scope = Scope { lacking: &found.before[1], enough, wide, max_tolerances: 0.0 };
+    let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
+    let Outcome { mut law, model, after, .. } = finder.find(study, judge, base, found)?;
     let fits = finder.fits(study);
     let white = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     let colored = if white { None } else { colored::noises(&fits, judge, &model) };
@@ -177,7 +194,10 @@ fn sought(
         }
         let main = found.share.unwrap_or(0.0) >= MIN_SHARE_OF_MAIN_TERM * law.share;
         let is_term = |effect: &&Effect| effect.selected && terms::holds(&law, effect);
-        if let Some(effect) = found.effects.iter().find(is_term).filter(|_| main) {
+        let terms: Vec<&Effect> = found.effects.iter().filter(is_term).collect();
+        if let Some(effect) = terms.first().filter(|_| main) {
+            let is_held = |c: &usize| terms.iter().any(|effect| study.candidates[*c].is(effect));
+            held.extend((0..study.candidates.len()).filter(is_held));
             let note = terms::told(&law, effect);
             found.notes.push(note);
             return None;
@@ -332,7 +352,60 @@ pub(crate) fn push(
     study.candidates.len() - 1
 }
 
+impl<'a> Finder<'a> {
+    /// A search beside a model: the declared one with its corrections, or that with effects.
+    pub(super) fn new(
+        study: &Study,
+        scale: &'a [f64],
+        (judge, base): (&Judge, &Model),
+        aim: Aim,
+        scope: Scope,
+        say: Say<'a>,
+    ) -> Finder<'a> {
+        let fits = Fits::new(study, scale.to_vec());
+        let samples: usize = fits.pieces.iter().map(|piece| piece.range.len()).sum();
+        let noise: f64 = study.outputs.iter().zip(scale).map(|(o, s)| (o.noise / s).powi(2)).sum();
+        let ratio = if aim.is_share() { MAX_ERROR_OF_FREE_FORM_OF_SHARE } else { MAX_ERROR_OF_FREE_FORM };
+        Finder {
+            aim,
+            scale,
+            say,
+            corrections: corrected(study, &base.fit),
+            trace: motion(&fits, base),
+            windows: Windows::new(&fits, base),
+            quick: fits.quickened(base).quick,
+            noise: noise * samples as f64,
+            max_error: ratio * scope.enough.max(judge.tolerated.max(judge.power).sqrt()),
+            wide: scope.wide,
+            max_tolerances: scope.max_tolerances,
+            beside: base.added.clone(),
+            lacking: scope.lacking.clone(),
+            unmoved: OnceLock::new(),
+        }
+    }
+}
+
 impl Finder<'_> {
+    /// The effects beside which a law is looked for, and one of its candidates.
+    pub(super) fn acting(&self, candidate: usize) -> Vec<usize> {
+        self.beside.iter().copied().chain([candidate]).collect()
+    }
+
+    /// A model without the effects that the law in it does without.
+    fn needed(&self, fits: &Fits, model: Model) -> Model {
+        let mut found = model;
+        for c in self.beside.iter().rev() {
+            let rest: Vec<usize> = found.added.iter().copied().filter(|own| own != c).collect();
+            if rest.iter().any(|own| fits.study.candidates[*own].needs == Some(*c)) || stop::asked() {
+                continue;
+            }
+            let without = fits.fit_from(rest, &found.fit.parameters, &found.fit.locals);
+            let most = MAX_ERROR_WITHOUT * found.error;
+            found = without.filter(|own| own.error <= most).unwrap_or(found);
+        }
+        found
+    }
+
     pub(super) fn fits<'s>(&self, study: &'s Study) -> Fits<'s> {
         let corrections = self.corrections.clone();
         Fits { quick: self.quick, corrections, ..Fits::new(study, self.scale.to_vec()) }
@@ -350,7 +423,9 @@ impl Finder<'_> {
 
     /// Parameters that are fitted beside a law.
     pub(super) fn shared(&self, study: &Study) -> Vec<Free> {
-        study.declared_free().into_iter().chain(self.corrections.iter().copied()).collect()
+        let entries = |c: &usize| study.candidates[*c].entries.clone();
+        let beside = self.beside.iter().flat_map(entries).map(|index| study.entries[index].free);
+        study.declared_free().into_iter().chain(self.corrections.iter().copied()).chain(beside).collect()
     }
 
     pub(super) fn axes(&self, study: &Study, tap: usize, surface: &Surface) -> Vec<Axis> {
@@ -398,7 +473,14 @@ impl Finder<'_> {
         // the noise.
         let corrections = match self.aim {
             Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
-            Aim::Share { .. } => judge.explained(&fits, &model).then(|| self.corrections.clone()),
+            Aim::Share { .. } if self.beside.is_empty() => {
+                judge.explained(&fits, &model).then(|| self.corrections.clone())
+            }
+            Aim::Share { .. } => {
+                let all = corrections(study, self.max_tolerances);
+                let own = self.in_noise(study, &all, &model).filter(|_| model.error < self.max_error);
+                own.is_some_and(|own| judge.explained(&fits, &own)).then_some(all)
+            }
         };
         let in_noise = corrections.is_some();
         if let Some(corrections) = corrections {
@@ -406,6 +488,7 @@ impl Finder<'_> {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
         }
+        model = self.needed(&fits, model);
         let declared = extended(declared, study);
         let validation = pieces(study, Role::Validation);
         let of = |model: &Model, pieces: &[_], locals| {
@@ -417,7 +500,7 @@ impl Finder<'_> {
             of(&model, &validation, None),
         ];
         let floor = answer.floor[1].clone();
-        let share = share(study, [&answer.before[1], &after[1]], &[floor.clone(), floor]);
+        let share = share(study, [&self.lacking, &after[1]], &[floor.clone(), floor]);
         let gained = 1.0 - self.error(study, &model) / declared.error;
         if !(share >= MIN_VALIDATED_SHARE && share > 0.5 * gained) {
             return None;
@@ -425,7 +508,7 @@ impl Finder<'_> {
         let tap = found.tap;
         let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
         let widen = model.error.max(if in_noise { 1.0 } else { judge.power.sqrt() });
-        let c = model.added[0];
+        let c = *model.added.last()?;
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
         let known = study.candidates[c].entries.clone().map(|index| {
             let deviation = |a: usize| model.fit.covariance[(a, a)].max(0.0).sqrt();
@@ -461,7 +544,7 @@ impl Finder<'_> {
             effect,
         };
         let error = self.error(study, &model);
-        Some(Outcome { law, model: Model { fit: own, error, ..model }, after })
+        Some(Outcome { law, model: Model { fit: own, error, ..model }, after, widen })
     }
 
     /// Fits with residuals in units of the noise, in which tolerances of corrections have their weight.
@@ -508,6 +591,8 @@ pub(super) struct Outcome {
     pub(super) law: Law,
     pub(super) model: Model,
     pub(super) after: [Errors; 2],
+    /// Factor of the standard deviations that the covariance of its fit gives.
+    pub(super) widen: f64,
 }
 
 /// Law chosen, before its sentences are written.
@@ -539,7 +624,7 @@ fn sources(words: &str, tap: &Tap, variables: &[Variable]) -> String {
 }
 
 /// Root of the mean square over the outputs, each in units of its scale.
-fn scaled(study: &Study, scale: &[f64], rms: &BTreeMap<String, f64>) -> f64 {
+pub(super) fn scaled(study: &Study, scale: &[f64], rms: &BTreeMap<String, f64>) -> f64 {
     let one = |(output, scale): (&Output, &f64)| {
         let own = rms.get(&output.name).copied().unwrap_or(0.0);
         (own / scale).powi(2)

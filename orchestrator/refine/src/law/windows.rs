@@ -127,9 +127,9 @@ impl Windows {
         finite.then_some(Windows { pieces, begins })
     }
 
-    /// The engine's view of the windows with a candidate beside the declared model.
-    pub fn view<'a>(&self, fits: &Fits<'a>, candidate: usize) -> View<'a> {
-        View { begins: self.begins.clone(), ..fits.view(&[candidate], &self.pieces) }
+    /// The engine's view of the windows with some candidates beside the declared model.
+    pub fn view<'a>(&self, fits: &Fits<'a>, added: &[usize]) -> View<'a> {
+        View { begins: self.begins.clone(), ..fits.view(added, &self.pieces) }
     }
 }
 

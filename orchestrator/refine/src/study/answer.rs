@@ -27,6 +27,7 @@ use crate::engine::fit::{Fit, fit};
 use crate::engine::stop;
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
+use crate::law::beside;
 use crate::law::found::told as sentences;
 use crate::law::listed;
 use crate::law::study::{self as law, Aim};
@@ -120,7 +121,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         let mut found = assemble(&fits, &judge, &selection, None, settings);
         let base = &selection.declared;
         let aim = Aim::Noise { max_tolerances };
-        law::explain(&mut study, &scale, (&judge, base), &mut found, aim, say).map(|law| (found, law))
+        let found_law = law::explain(&mut study, &scale, (&judge, base), &mut found, aim, say).law;
+        found_law.map(|law| (found, law))
     };
     let (selection, mut found, with_law, corrected) = match by_law {
         Some((found, law)) => (selection, found, Some(law), None),
@@ -161,12 +163,26 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
-            let law = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
+            let without = found.clone();
+            let in_place = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
+            let mut law = in_place.law;
+            // One that takes the place of effects and leaves more than noise may only be their sum with another.
+            if !found.complete {
+                let (selection, by_share) = (&selection, by_share.as_ref());
+                let effects = beside::Effects { selection, by_share, terms: &in_place.terms, max_tolerances };
+                let mut both = if law.is_some() { without } else { found.clone() };
+                let beside = beside::explain(&mut study, &scale, (&judge, &effects), &mut both, say);
+                if beside.is_some() && (law.is_none() || both.complete) {
+                    (found, law) = (both, beside);
+                }
+            }
             let corrected = by_share.filter(|_| found.verdict != Verdict::Effect).map(|own| own.corrected);
             (selection, found, law, corrected)
         }
     };
     let (selection, with_law) = match with_law {
+        // An effect of the list beside another one is the search's own affair.
+        Some(law) if found.verdict == Verdict::Effect => (selection, Some(law)),
         Some(law) => {
             listed_instead(&mut study, &scale, &judge, (selection, law), &mut found, (settings, say))
         }

@@ -177,9 +177,17 @@ impl Blocks<'_> {
                 };
                 // What is added to a value is added to it whatever it drives.
                 let sign = if *law == Law::Bias { 1.0 } else { own.sign };
-                let s = if law.changes_sign_with_velocity() { s() } else { 0.0 };
-                let peak = *law == Law::Stribeck;
-                let at = if peak { Point { velocity: from_sign_change, ..point } } else { point };
+                let s = match law {
+                    // Where it is found first, friction of another kind says nothing of its sign change.
+                    Law::Load if p.len() == 2 => (from_sign_change / p[1]).tanh(),
+                    _ if law.changes_sign_with_velocity() => s(),
+                    _ => 0.0,
+                };
+                let at = match law {
+                    Law::Stribeck => Point { velocity: from_sign_change, ..point },
+                    Law::Load => Point { value, ..point },
+                    _ => point,
+                };
                 value -= sign * law.force(p, &at, s, z, level);
             }
         }

@@ -7,7 +7,9 @@ use airloop_series::compound_unit;
 use super::blocks::Survey;
 use super::command::Command;
 use super::declaration::Attachment;
-use super::kinds::{COMMAND, COMMANDS, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit};
+use super::kinds::{
+    COMMAND, COMMANDS, ELECTRICAL, FLOW, Kind, MECHANICAL, Memory, PORT_COMMANDS, kinds, unit,
+};
 use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Level, Sensor, Study, Target};
 use super::ports;
@@ -107,6 +109,8 @@ const SIGN_CHANGE: f64 = 0.01;
 const MAX_LEVELS: f64 = 16.0;
 /// Periods within the travel up to which all are starts; shorter ones are proposed by [`super::periods`].
 const MAX_TURNS: f64 = 25.0;
+/// The same for friction that repeats: once a revolution, or a few times along a guide.
+const MAX_TURNS_OF_FRICTION: f64 = 8.0;
 /// Difference of the numbers of periods of neighbors: a third of a turn over the travel.
 pub(super) const STEP_OF_TURNS: f64 = 0.35;
 /// Difference between starts in such steps: rounding to one of them and to the next have little in common.
@@ -132,7 +136,9 @@ fn starts(
         {
             return Err(needs_motion);
         }
-        Law::PositionCoulomb | Law::Cogging if v <= 0.0 || x <= 0.0 => return Err(needs_position),
+        Law::PositionCoulomb | Law::PeriodicCoulomb | Law::Cogging if v <= 0.0 || x <= 0.0 => {
+            return Err(needs_position);
+        }
         Law::Spring | Law::EndStop | Law::LowerStop | Law::PositionGain | Law::CubicSpring if x <= 0.0 => {
             return Err(needs_position);
         }
@@ -148,6 +154,9 @@ fn starts(
         Law::Pressure if v <= 0.0 || width(pressure_force) <= 0.1 * size(pressure_force) => {
             return Err("the pressure force hardly changes, or none is known at the attachment");
         }
+        Law::Load if v <= 0.0 || width(value) <= 0.1 * size(value) => {
+            return Err("the load that passes the port hardly changes, or nothing moves");
+        }
         Law::Area if width(pressure) <= 0.1 * size(pressure) => {
             return Err("the pressure hardly changes, or none is known at the attachment");
         }
@@ -159,7 +168,7 @@ fn starts(
         _ => {}
     }
     Ok(match law {
-        Law::Coulomb if count == 2 => [0.005, 0.03].map(|part| vec![0.0, part * v]).into(),
+        Law::Coulomb | Law::Load if count == 2 => [0.005, 0.03].map(|part| vec![0.0, part * v]).into(),
         Law::CubicSpring => {
             let middle = 0.5 * (position.0 + position.1);
             let slack = if position.0 < 0.0 && position.1 > 0.0 { 1e-3 * x } else { middle };
@@ -192,10 +201,11 @@ fn starts(
             let inside = [0.5, 0.7, 0.82, 0.9, 0.96];
             inside.map(|part| vec![0.0, 0.0, position.0 + part * x]).into()
         }
-        Law::Cogging => {
+        Law::Cogging | Law::PeriodicCoulomb => {
+            let most = if law == Law::Cogging { MAX_TURNS } else { MAX_TURNS_OF_FRICTION };
             let mut grid = Vec::new();
             let mut period = x;
-            while period > x / MAX_TURNS {
+            while period > x / most {
                 grid.push(vec![0.0, 0.0, period]);
                 period = 1.0 / (1.0 / period + STEP_OF_TURNS / x);
             }
@@ -233,7 +243,11 @@ pub fn fill(
             }
             let duty = attachment.port;
             let mechanical = duty.is_some_and(|duty| duty.kind == ports::Kind::Mechanical);
-            let list = if mechanical { &MECHANICAL[..] } else { &FLOW[..] };
+            let list = match duty.map(|duty| duty.kind) {
+                Some(ports::Kind::Mechanical) => &MECHANICAL[..],
+                Some(ports::Kind::Electrical) => &ELECTRICAL[..],
+                _ => &FLOW[..],
+            };
             let attachment_units = study.taps[tap].units.clone();
             let constant = |law: Law| matches!(law, Law::Bias | Law::Drift);
             let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
@@ -366,7 +380,10 @@ fn plain_names(found: &mut [(String, String)], candidates: &[(String, Option<Str
 /// most friction that has one of these shapes has a level, too. One that turns out to be zero is left out again.
 fn coulomb_beside(study: &Study, candidate: usize) -> Option<usize> {
     let Action::Block { law, tap } = study.candidates[candidate].action else { return None };
-    let changes = [Law::Presliding, Law::Stribeck, Law::PositionCoulomb, Law::Asymmetry].contains(&law);
+    let changes = matches!(
+        law,
+        Law::Presliding | Law::Stribeck | Law::PositionCoulomb | Law::PeriodicCoulomb | Law::Asymmetry
+    );
     if !changes || study.taps[tap].coulomb.is_some() {
         return None;
     }
@@ -401,7 +418,7 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
         let shape = largest(k);
         match (kind.positive.contains(&k), shape > 0.0) {
             // Slower than this a sign changes within a step, faster than this it is no sign.
-            (true, true) if kind.law == Law::Coulomb => (0.2 * smallest(k), 5.0 * shape),
+            (true, true) if matches!(kind.law, Law::Coulomb | Law::Load) => (0.2 * smallest(k), 5.0 * shape),
             (true, true) if kind.law == Law::Quantization => (0.5 * smallest(k), 2.0 * shape),
             // A shape stays within what the records can show.
             (true, true) => (1e-3 * smallest(k), 20.0 * shape),

@@ -121,7 +121,7 @@ pub(super) fn settle(fits: &Fits, judge: &Judge, model: &Model, found: &mut Answ
     if found.share.is_some() {
         found.share = Some(taken());
     }
-    if let (Some(law), Some(share)) = (&mut found.law, found.share) {
+    if let (Some(law), Some(share), Verdict::Law) = (&mut found.law, found.share, found.verdict) {
         law.share = share;
     }
     found.notes.retain(|note| !note.contains(STILL_MISSING) && note != DEPENDS_ON_NOTHING);

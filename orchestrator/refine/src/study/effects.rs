@@ -28,7 +28,9 @@ pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     let p = &p[own.entries.clone()];
     match own.action {
         Action::Block { law: Law::Spring, .. } => vec![p[0], -p[1] / p[0]],
-        Action::Block { law: Law::Cogging, .. } => vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]],
+        Action::Block { law: Law::Cogging | Law::PeriodicCoulomb, .. } => {
+            vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]]
+        }
         _ => p.to_vec(),
     }
 }
@@ -42,6 +44,32 @@ fn score(fits: &Fits, selection: &Selection, model: &Model) -> f64 {
 /// An effect of a model; `widen`: factor of the standard deviations that the covariance of its fit gives.
 pub(super) fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
     let study = fits.study;
+    let own = &study.candidates[c];
+    let score = score(fits, selection, model);
+    Effect {
+        id: own.full_id(),
+        channel: own.channel.to_owned(),
+        port: Some(own.port.clone()),
+        wiring: wiring(study, model, c),
+        signal: own.signal.clone(),
+        selected: false,
+        group: None,
+        score,
+        parameters: parameters(study, model, c, widen),
+        reason: String::new(),
+        stability: None,
+        share: None,
+        own: match own.action {
+            Action::Block { law: Law::Own(index), .. } | Action::Sensor { kind: Sensor::Own(index), .. } => {
+                Some(Arc::clone(&study.own[index]))
+            }
+            _ => None,
+        },
+    }
+}
+
+/// Parameters of an effect of a model in the terms of the vocabulary, with their intervals; `widen` as in [`effect`].
+pub(crate) fn parameters(study: &Study, model: &Model, c: usize, widen: f64) -> Vec<Parameter> {
     let own = &study.candidates[c];
     let values = physical(study, c, &model.fit.parameters);
     let names = study.entries[own.entries.clone()].iter();
@@ -62,27 +90,7 @@ pub(super) fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize
         let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
         Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
     });
-    let score = score(fits, selection, model);
-    Effect {
-        id: own.full_id(),
-        channel: own.channel.to_owned(),
-        port: Some(own.port.clone()),
-        wiring: wiring(study, model, c),
-        signal: own.signal.clone(),
-        selected: false,
-        group: None,
-        score,
-        parameters: parameters.collect(),
-        reason: String::new(),
-        stability: None,
-        share: None,
-        own: match own.action {
-            Action::Block { law: Law::Own(index), .. } | Action::Sensor { kind: Sensor::Own(index), .. } => {
-                Some(Arc::clone(&study.own[index]))
-            }
-            _ => None,
-        },
-    }
+    parameters.collect()
 }
 
 /// How the block of a candidate is connected, with the friction that a model has at its port.

@@ -62,7 +62,7 @@ const ACTUATOR: [Kind; 6] = [
 ];
 
 /// Effects on a force or torque. Units: E of the value that passes, V of the velocity, X of the position.
-pub(super) const MECHANICAL: [Kind; 15] = [
+pub(super) const MECHANICAL: [Kind; 17] = [
     kind("viscous", Law::Viscous, &[("coef", "E/V")], &[0]),
     kind("coulomb", Law::Coulomb, &[("force", "E"), ("vt", "V")], &[0, 1]),
     kind("stribeck", Law::Stribeck, &[("force", "E"), ("vs", "V")], &[0, 1]),
@@ -71,12 +71,22 @@ pub(super) const MECHANICAL: [Kind; 15] = [
     kind("offset", Law::Offset, &[("value", "E")], &[]),
     kind("asymmetry", Law::Asymmetry, &[("force", "E"), ("coef", "E/V")], &[]),
     kind("poscoulomb", Law::PositionCoulomb, &[("slope", "E/X")], &[]),
+    kind("periodic_friction", Law::PeriodicCoulomb, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
+    kind("load_friction", Law::Load, &[("coef", "1"), ("vt", "V")], &[0, 1]),
     kind("quaddrag", Law::Drag, &[("coef", "E/V2")], &[0]),
     kind("spring", Law::Spring, &[("stiffness", "E/X"), ("rest", "X")], &[0]),
     kind("cubic_spring", Law::CubicSpring, &[("stiffness", "E/X3"), ("rest", "X")], &[0]),
     kind("endstop", Law::EndStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
     kind("lower_endstop", Law::LowerStop, &[("stiffness", "E/X"), ("damping", "E/V"), ("pos", "X")], &[0, 1]),
     kind("cogging", Law::Cogging, &[("amp", "E"), ("phase", "rad"), ("period", "X")], &[2]),
+    kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
+];
+
+/// Effects on a voltage that drives a current, which takes the place of the velocity.
+pub(super) const ELECTRICAL: [Kind; 4] = [
+    kind("resistance", Law::Viscous, &[("coef", "E/V")], &[0]),
+    kind("voltage_drop", Law::Coulomb, &[("drop", "E"), ("vt", "V")], &[0, 1]),
+    kind("offset", Law::Bias, &[("value", "E")], &[]),
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
@@ -125,7 +135,7 @@ pub const CHANNELS: [&str; 5] = ["actuator", "piston_friction", "cart_friction",
 
 /// Kinds that attachments without a channel may name.
 pub fn kinds_of_ports() -> Vec<&'static str> {
-    let blocks = MECHANICAL.iter().chain(&FLOW).chain(&COMMAND).map(|kind| kind.id);
+    let blocks = MECHANICAL.iter().chain(&ELECTRICAL).chain(&FLOW).chain(&COMMAND).map(|kind| kind.id);
     blocks.chain(PORT_COMMANDS.iter().map(|own| own.0)).collect()
 }
 

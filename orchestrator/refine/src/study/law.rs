@@ -113,6 +113,10 @@ pub enum Law {
     Asymmetry,
     /// `slope x s(v)`
     PositionCoulomb,
+    /// `(sine sin(2 pi x / period) + cosine cos(2 pi x / period)) s(v)`
+    PeriodicCoulomb,
+    /// `coef |value| s(v)`: friction of a gear or guide under load, with a sign change of its own
+    Load,
     /// `coef |v| v`
     Drag,
     /// `stiffness x + force`
@@ -169,7 +173,7 @@ impl Law {
         match self {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
             Law::CubicSpring | Law::Overflow | Law::Limits | Law::Choked => 2,
-            Law::EndStop | Law::LowerStop | Law::Cogging => 3,
+            Law::EndStop | Law::LowerStop | Law::Cogging | Law::PeriodicCoulomb => 3,
             Law::Shape(_) => KNOTS,
             Law::Memory(kind) => kind.parameters(),
             _ => 1,
@@ -184,7 +188,8 @@ impl Law {
             Law::Asymmetry | Law::Drag => vec![Velocity],
             Law::Pressure => vec![Velocity, PressureForce],
             Law::Offset => vec![Velocity, Position],
-            Law::PositionCoulomb => vec![Velocity, Position],
+            Law::PositionCoulomb | Law::PeriodicCoulomb => vec![Velocity, Position],
+            Law::Load => vec![Velocity, Value],
             Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging => vec![Position],
             Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked => vec![Position],
             Law::Drift => vec![Time],
@@ -224,6 +229,8 @@ impl Law {
                 | Law::Pressure
                 | Law::Asymmetry
                 | Law::PositionCoulomb
+                | Law::PeriodicCoulomb
+                | Law::Load
         )
     }
 
@@ -238,7 +245,9 @@ impl Law {
             Law::Gain => 9,
             Law::PositionGain => 10,
             Law::Droop => 11,
-            _ => 12,
+            // It takes its part of what comes in before others take theirs.
+            Law::Load => 12,
+            _ => 13,
         }
     }
 
@@ -249,6 +258,8 @@ impl Law {
             Law::Stribeck => p[0] * (-(at.velocity / p[1]).powi(2)).exp(),
             Law::Pressure => p[0] * at.pressure_force.abs(),
             Law::PositionCoulomb => p[0] * at.position,
+            Law::PeriodicCoulomb => repeated(p, at.position),
+            Law::Load => p[0] * at.value.abs(),
             Law::Asymmetry if at.velocity > 0.0 => p[0],
             _ => 0.0,
         }
@@ -260,7 +271,8 @@ impl Law {
         let (v, x) = (at.velocity, at.position);
         match self {
             Law::Viscous => p[0] * v,
-            Law::Coulomb | Law::Stribeck | Law::Pressure | Law::PositionCoulomb => self.level(p, at) * s,
+            Law::Coulomb | Law::Stribeck | Law::Pressure => self.level(p, at) * s,
+            Law::PositionCoulomb | Law::PeriodicCoulomb | Law::Load => self.level(p, at) * s,
             Law::Presliding => level * (z / p[0] - s),
             Law::Offset => p[0],
             Law::Asymmetry => {
@@ -290,10 +302,7 @@ impl Law {
                 let above = (p[1] / x - CRITICAL_RATIO).max(0.0) / (1.0 - CRITICAL_RATIO);
                 p[0] * x * (1.0 - above * above).max(0.0).sqrt()
             }
-            Law::Cogging => {
-                let phase = std::f64::consts::TAU * x / p[2];
-                p[0] * phase.sin() + p[1] * phase.cos()
-            }
+            Law::Cogging => repeated(p, x),
             Law::Area => -p[0] * at.pressure,
             Law::CubicSpring => p[0] * (x - p[1]).powi(3),
             Law::Leakage => p[0] * x,
@@ -321,6 +330,12 @@ impl Law {
             _ => value,
         }
     }
+}
+
+/// `sine sin(2 pi x / period) + cosine cos(2 pi x / period)` with p = \[sine, cosine, period\].
+fn repeated(p: &[f64], x: f64) -> f64 {
+    let phase = std::f64::consts::TAU * x / p[2];
+    p[0] * phase.sin() + p[1] * phase.cos()
 }
 
 /// The multiple of `step` that is nearest to a value, the upper one of two; the value itself where the step is none.

@@ -99,7 +99,7 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         Law::Overflow => against(p[0] > 0.0, "it would flow in".into()).or_else(|| {
             against(p[1] >= low, format!("at {} {unit} it lies below {}", short(p[1]), positions()))
         }),
-        Law::Coulomb if p.len() == 2 => against(
+        Law::Coulomb | Law::Load if p.len() == 2 => against(
             p[1] <= MAX_SIGN_CHANGE * speed,
             format!(
                 "its sign would change over {} of {} {per_second}: that is viscous friction",
@@ -123,7 +123,7 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
                 format!("it would fall over {} s of {} s: that is a gain", short(p[1]), short(duration)),
             )
         }
-        Law::Cogging => against(
+        Law::Cogging | Law::PeriodicCoulomb => against(
             p[2] <= MAX_SHARE_OF_RANGE * travel,
             format!(
                 "its period of {} {unit} is more than half of the travel of {} {unit}",
@@ -235,6 +235,13 @@ fn drives(study: &Study, model: &Model) -> Option<(usize, String)> {
             && coulomb + forwards < 0.0
         {
             return Some((c, "friction would drive in one direction".into()));
+        }
+        if let Some((_, c)) = strength(Law::PeriodicCoulomb) {
+            let own = study.candidates[c].entries.start;
+            let least = coulomb - p[own].hypot(p[own + 1]);
+            if least < -MAX_NEGATIVE_FRICTION * coulomb.abs() {
+                return Some((c, "friction would drive where it is least".into()));
+            }
         }
         let (slope, c) = strength(Law::PositionCoulomb)?;
         let [_, (low, high), ..] = study.ranges.get(tap)?;

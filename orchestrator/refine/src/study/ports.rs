@@ -25,6 +25,8 @@ use airloop_fmi::Causality;
 pub enum Kind {
     /// A force or torque: it acts along a velocity.
     Mechanical,
+    /// A voltage that drives a current, which stands for the velocity.
+    Electrical,
     /// A quantity that a state integrates without being the velocity of another one: flow into a level, heat, or a
     /// value without unit.
     Flow,
@@ -103,6 +105,20 @@ pub(crate) fn kind(unit: &str) -> PortKind {
 fn is_mechanical(unit: &Unit) -> bool {
     let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
     (kg, s) == (1, -2) && (m == 1 || m == 2) && (A, K, mol, cd) == (0, 0, 0, 0)
+}
+
+fn is_voltage(unit: &Unit) -> bool {
+    let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
+    (kg, m, s, A, K, mol, cd) == (1, 2, -3, -1, 0, 0, 0)
+}
+
+fn is_current(graph: &SystemGraph, name: &str) -> bool {
+    let exponents = |unit: &Unit| {
+        let Exponents { kg, m, s, A, K, mol, cd, .. } = unit.exponents;
+        (kg, m, s, A, K, mol, cd)
+    };
+    let unit = names::unit_of(graph, name).and_then(|unit| compound_unit::parse(&unit));
+    unit.is_some_and(|unit| exponents(&unit) == (0, 0, 0, 1, 0, 0, 0))
 }
 
 fn is_flow(unit: &Unit) -> bool {
@@ -199,14 +215,22 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
                     .iter()
                     .copied()
                     .max_by(|&a, &b| influence(&sense, port, a).total_cmp(&influence(&sense, port, b)));
+                let current = most.filter(|&state| {
+                    units[port].is_some_and(|unit| is_voltage(&unit)) && is_current(graph, &states[state])
+                });
                 let fills = |unit: &Unit| most.is_some_and(|state| is_rate_of(graph, &states[state], unit));
                 let flows = most.is_some() && units[port].is_none_or(|unit| is_flow(&unit) || fills(&unit));
-                let kind = if flows { Kind::Flow } else { Kind::Signal };
-                (kind, None, most.map(signal), most)
+                match current {
+                    Some(state) => (Kind::Electrical, Some(signal(state)), None, current),
+                    None if flows => (Kind::Flow, None, most.map(signal), most),
+                    None => (Kind::Signal, None, most.map(signal), most),
+                }
             }
         };
         let sign = state.map_or(1.0, |state| if sense.influence[port][state] < 0.0 { -1.0 } else { 1.0 });
-        let fills = moved[port].len() == 1 && moved[port].iter().all(|&state| rates[state].is_none());
+        let fills = kind != Kind::Electrical
+            && moved[port].len() == 1
+            && moved[port].iter().all(|&state| rates[state].is_none());
         Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: free(port), fills }
     });
     Ok(found.collect())

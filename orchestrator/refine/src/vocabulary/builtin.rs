@@ -59,6 +59,13 @@ pub const BUILTIN: &[Builtin] = &[
     ),
     builtin("asymmetry", "force, torque", "friction of one direction", text!("asymmetry")),
     builtin("poscoulomb", "force, torque", "friction that varies along the guide", text!("poscoulomb")),
+    builtin(
+        "periodic_friction",
+        "force, torque",
+        "friction that repeats along the way",
+        text!("periodic_friction"),
+    ),
+    builtin("load_friction", "force, torque", "friction in proportion to the load", text!("load_friction")),
     builtin("pressure", "force, torque", "friction in proportion to the pressure force", None),
     builtin("quaddrag", "force, torque", "drag of air or liquid", text!("quaddrag")),
     builtin("spring", "force, torque", "spring", text!("spring")),
@@ -68,6 +75,8 @@ pub const BUILTIN: &[Builtin] = &[
     builtin("cogging", "force, torque", "force that repeats along the guide", text!("cogging")),
     builtin("area", "force", "force of a chamber pressure on an area that the model lacks", None),
     builtin("offset", "any", "constant that is added", None),
+    builtin("resistance", "voltage", "resistance in the way of a current", text!("resistance")),
+    builtin("voltage_drop", "voltage", "voltage lost at brushes or diodes", text!("voltage_drop")),
     builtin("linear_leakage", "flow", "leak in proportion to the level", text!("linear_leakage")),
     builtin("leakage", "flow", "leak through an opening at the bottom", text!("leakage")),
     builtin("overflow", "flow", "overflow above a level", text!("overflow")),
@@ -149,7 +158,7 @@ mod tests {
 
     #[test]
     fn formulas_are_the_laws_of_the_search() {
-        let laws: [Same; 24] = [
+        let laws: [Same; 28] = [
             (
                 "lower_endstop",
                 Law::LowerStop,
@@ -164,6 +173,15 @@ mod tests {
             ("presliding", Law::Presliding, &[("disp", 1e-3), ("level", 2.5), ("vt", 0.01)], &[1e-3]),
             ("asymmetry", Law::Asymmetry, &[("force", 1.1), ("coef", 4.0), ("vt", 0.01)], &[1.1, 4.0]),
             ("poscoulomb", Law::PositionCoulomb, &[("slope", 9.0), ("vt", 0.01)], &[9.0]),
+            (
+                "periodic_friction",
+                Law::PeriodicCoulomb,
+                &[("amp", 0.5), ("period", 0.04), ("phase", 0.927_295_218_001_612_2), ("vt", 0.01)],
+                &[0.3, 0.4, 0.04],
+            ),
+            ("load_friction", Law::Load, &[("coef", 0.2), ("vt", 0.01)], &[0.2]),
+            ("resistance", Law::Viscous, &[("coef", 3.0)], &[3.0]),
+            ("voltage_drop", Law::Coulomb, &[("drop", 2.0), ("vt", 0.01)], &[2.0]),
             ("quaddrag", Law::Drag, &[("coef", 0.4)], &[0.4]),
             ("spring", Law::Spring, &[("stiffness", 20.0), ("rest", 0.03)], &[20.0, -0.6]),
             ("cubic_spring", Law::CubicSpring, &[("stiffness", 70.0), ("rest", 0.03)], &[70.0, 0.03]),

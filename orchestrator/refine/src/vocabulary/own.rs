@@ -33,6 +33,8 @@ pub enum PortKind {
     Torque,
     /// A flow of volume or mass; the formula is taken off.
     Flow,
+    /// A voltage that drives a current, which is `v`; the formula is taken off.
+    Voltage,
     /// A signal or command; the formula replaces it.
     Signal,
     /// An output as its sensor shows it; the formula replaces it.
@@ -46,6 +48,7 @@ impl PortKind {
             PortKind::Force => "force",
             PortKind::Torque => "torque",
             PortKind::Flow => "flow",
+            PortKind::Voltage => "voltage",
             PortKind::Signal => "signal",
             PortKind::Sensor => "sensor",
         }
@@ -62,6 +65,7 @@ impl PortKind {
             PortKind::Force => ["m", "m/s", "N"],
             PortKind::Torque => ["rad", "rad/s", "N.m"],
             PortKind::Flow => ["m", "m/s", "m3/s"],
+            PortKind::Voltage => ["A.s", "A", "V"],
             PortKind::Signal | PortKind::Sensor => ["m", "m/s", "1"],
         }
     }

@@ -119,12 +119,15 @@ impl Reader<'_> {
             "force" => PortKind::Force,
             "torque" => PortKind::Torque,
             "flow" => PortKind::Flow,
+            "voltage" => PortKind::Voltage,
             "signal" => PortKind::Signal,
             "sensor" => PortKind::Sensor,
             other => {
                 return Err(self.refuse(
                     &self.file.port,
-                    format!("there is no port `{other}`; known are force, torque, flow, signal, sensor"),
+                    format!(
+                        "there is no port `{other}`; known are force, torque, flow, voltage, signal, sensor"
+                    ),
                 ));
             }
         })
@@ -177,7 +180,7 @@ impl Reader<'_> {
     /// Whether the effect has to take energy.
     fn dissipative(&self, port: PortKind) -> Result<bool, Problem> {
         let Some(Signs { dissipative }) = &self.file.signs else { return Ok(false) };
-        let has_power = matches!(port, PortKind::Force | PortKind::Torque);
+        let has_power = matches!(port, PortKind::Force | PortKind::Torque | PortKind::Voltage);
         if *dissipative.get_ref() && !has_power {
             let problem = format!("a {} has no power; `dissipative` is for a force or a torque", port.word());
             return Err(self.refuse(dissipative, problem));
