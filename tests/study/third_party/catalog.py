@@ -42,9 +42,9 @@ OUTSIDE = {
 }
 # An effect of the vocabulary and one that it has not, on exact machines.
 BESIDE = {
-    "servo": "coulomb@tau_l+bump@tau_l viscous@tau_l+speedbump@tau_m",
+    "servo": "coulomb@tau_l+bump@tau_l deadband@tau_m+bump@tau_l",
     "arm": "coulomb@tau_1+bump@tau_1 viscous@tau_1+bump@tau_2",
-    "tanks": "delay@u+bump@q_1 gain@u+bump@q_2",
+    "tanks": "delay@u+bump@q_1 lag@u+bump@q_2",
     "motor": "deadband@V+speedbump@tau_load voltage_drop@V+speedbump@tau_load",
     "cylinder": "coulomb@F_ext+bump@F_ext deadband@u+bump@F_ext",
     "furuta": "coulomb@tau_p+bump@tau_p delay@tau+bump@tau_p",

@@ -210,9 +210,10 @@ def summary(rows):
                 first, n = collections.Counter(r["first"] for r in own), sum(r["first"] != NONE for r in own)
                 errors = [r["error"] for r in own if r["error"] != NONE]
                 systems = collections.Counter(r["system"] for r in own)
+                noise = f"; leaves noise {sum(r['complete'] is True for r in own)} of {len(own)}" if cls == "beside" else ""
                 gaps = [abs(r["share"] - r["true_share"]) for r in own if isinstance(r["share"], float)]
                 lines.append(
-                    f"{kind} {cls}: right effect first {first['yes']} of {n} (and {first['kind']} without port); exact set {sum(r['exact'] is True for r in own)} of {n}; "
+                    f"{kind} {cls}: right effect first {first['yes']} of {n} (and {first['kind']} without port); exact set {sum(r['exact'] is True for r in own)} of {n}{noise}; "
                     f"right (\"unexplained\" where no channel has the effect) {right} of {len(own)}; with other effects {sum(r['other_effects'] != NONE for r in own)}; main parameter within 10 %: {sum(e <= 0.1 for e in errors)} of {len(errors)}, "
                     f"median {shown(float(np.median(errors))) if errors else NONE}; share within 0.1: {sum(g <= 0.1 for g in gaps)} of {len(gaps)}; "
                     f"amended system: {', '.join(f'{k} {v}' for k, v in sorted(systems.items()))}"

@@ -5,7 +5,7 @@
 
 use super::extent::Extent;
 use super::study::{Aim, Finder, Outcome, Scope, extended, scaled};
-use crate::answer::{Answer, Effect, Verdict};
+use crate::answer::{Answer, Effect, Settings, Tried, Verdict};
 use crate::engine::stop;
 use crate::study::assembled;
 use crate::study::by_share::{self, ByShare};
@@ -14,8 +14,10 @@ use crate::study::changed::corrected;
 use crate::study::declaration::Role;
 use crate::study::effects;
 use crate::study::errors::errors;
+use crate::study::exact;
 use crate::study::explain::Judge;
 use crate::study::fits::{Fits, Model, pieces};
+use crate::study::law::Law;
 use crate::study::model::{Action, Study};
 use crate::study::ruling::share;
 use crate::study::search::{Say, Selection};
@@ -28,6 +30,9 @@ const MIN_SHARE_OF_FREE_FORM: f64 = 0.4;
 const MIN_SHARE_OF_FREE_FORM_BESIDE_REFUSED: f64 = 0.6;
 /// Effects that alone explain too little, beside which a law is looked for.
 const MAX_REFUSED: usize = 2;
+/// Share of the error on validation records below which effects of an answer may be the wrong ones: those that a law
+/// makes leave noise take their place.
+const MAX_SHARE_OF_WEAK: f64 = 0.6;
 /// Share of what effects leave on validation records that a law has to take away where it leaves more than noise, and
 /// that of the whole error that both take then.
 const MIN_SHARE_OF_REST: f64 = 0.7;
@@ -45,8 +50,10 @@ pub struct Effects<'a> {
     pub by_share: Option<&'a ByShare>,
     /// Candidates of the answer that are known to stand beside a law.
     pub terms: &'a [usize],
-    /// Tolerances up to which declared parameters are corrected.
-    pub max_tolerances: f64,
+    /// A model with a law alone that leaves too much.
+    pub part: Option<&'a Model>,
+    /// Settings of the search.
+    pub settings: &'a Settings,
 }
 
 /// Puts a law for what effects leave into an answer; the model with both, if there is one. Where none of the effects
@@ -59,16 +66,34 @@ pub fn explain(
     found: &mut Answer,
     say: Say,
 ) -> Option<Model> {
-    let bases = match found.verdict {
-        _ if found.complete => Vec::new(),
-        Verdict::Effect => beside_selected(study, scale, (judge, effects), found),
-        Verdict::Unexplained => beside_refused(study, scale, (judge, effects)),
-        _ => Vec::new(),
+    let weak = match found.verdict {
+        _ if found.complete => return None,
+        Verdict::Effect => {
+            let bases = beside_selected(study, scale, (judge, effects), found);
+            if let Some(law) = first(study, scale, (judge, effects, bases, false), found, say) {
+                return Some(law);
+            }
+            found.share.is_some_and(|share| share < MAX_SHARE_OF_WEAK)
+        }
+        Verdict::Unexplained => true,
+        _ => false,
     };
+    let bases = if weak { beside_refused(study, scale, (judge, effects), say) } else { Vec::new() };
+    first(study, scale, (judge, effects, bases, true), found, say)
+}
+
+/// The law beside the first of some models with effects beside which there is one.
+fn first(
+    study: &mut Study,
+    scale: &[f64],
+    (judge, effects, bases, to_noise): (&Judge, &Effects, Vec<Model>, bool),
+    found: &mut Answer,
+    say: Say,
+) -> Option<Model> {
     bases.into_iter().filter(|_| !stop::asked()).find_map(|base| {
         let before = Extent::of(study);
         let base = extended(&base, study);
-        let law = sought(study, scale, (judge, &base, effects.max_tolerances), found, say);
+        let law = sought(study, scale, (judge, &base, effects, to_noise), found, say);
         if law.is_none() {
             before.restore(study);
         }
@@ -92,12 +117,19 @@ fn beside_selected(
         return Vec::new();
     }
     let fits = Fits { corrections: corrected(study, &best.fit), ..Fits::new(study, scale.to_vec()) };
+    // A law has the constants of its port.
+    let is_constant =
+        |own: &Candidate| matches!(own.action, Action::Block { law: Law::Offset | Law::Bias, .. });
     let part = |kept: &dyn Fn(&Candidate) -> bool| -> Option<Model> {
-        let added: Vec<usize> = best.added.iter().copied().filter(|&c| kept(&study.candidates[c])).collect();
-        if added.is_empty() || added.len() == best.added.len() || stop::asked() {
-            return None;
+        let is_kept = |&c: &usize| kept(&study.candidates[c]) && !is_constant(&study.candidates[c]);
+        let added: Vec<usize> = best.added.iter().copied().filter(is_kept).collect();
+        if added.is_empty() || stop::asked() {
+            None
+        } else if added.len() == best.added.len() {
+            Some(best.clone())
+        } else {
+            fits.fit_from(added, &best.fit.parameters, &best.fit.locals)
         }
-        fits.fit_from(added, &best.fit.parameters, &best.fit.locals)
     };
     if !effects.terms.is_empty() && effects.terms.len() < best.added.len() {
         let is_term =
@@ -105,10 +137,7 @@ fn beside_selected(
         return part(&is_term).into_iter().collect();
     }
     let place = |model: &Model| place_of_rest(&fits, judge, model, MIN_SHARE_OF_FREE_FORM);
-    let mut bases: Vec<Model> = Vec::new();
-    if place(best).is_some() {
-        bases.push(best.clone());
-    }
+    let mut bases: Vec<Model> = part(&|_| true).filter(|base| place(base).is_some()).into_iter().collect();
     let mut ports: Vec<&str> = best.added.iter().map(|&c| study.candidates[c].port.as_str()).collect();
     ports.sort_unstable();
     ports.dedup();
@@ -117,25 +146,48 @@ fn beside_selected(
         bases.extend(part(&|own| own.port != port).filter(is_there));
     }
     let main = part(&|own| selected.first().is_some_and(|effect| own.is(effect)));
-    let is_new = |base: &Model| bases.iter().all(|other| other.added != base.added);
-    let main = main.filter(|base| is_new(base) && place(base).is_some());
-    bases.extend(main);
+    bases.extend(main.filter(|base| place(base).is_some()));
+    let mut known = Vec::new();
+    bases.retain(|base| {
+        let is_new = !known.contains(&base.added);
+        known.push(base.added.clone());
+        is_new
+    });
     bases
 }
 
-/// Models with the effects of which one alone does most, where none of them was named.
-fn beside_refused(study: &Study, scale: &[f64], (judge, effects): (&Judge, &Effects)) -> Vec<Model> {
+/// Models with the effects that leave noise beside a law which alone leaves too much, or else with one of those that
+/// alone do most, where none is named.
+fn beside_refused(
+    study: &Study,
+    scale: &[f64],
+    (judge, effects): (&Judge, &Effects),
+    say: Say,
+) -> Vec<Model> {
+    let with_part = effects.part.and_then(|part| {
+        let fits = Fits::new(study, scale.to_vec());
+        let both = exact::beside(&fits, judge, &extended(part, study), effects.settings, say)?;
+        let mut p = both.fit.parameters.clone();
+        let entries = part.added.iter().flat_map(|&c| study.candidates[c].entries.clone());
+        entries.for_each(|index| p[index] = 0.0);
+        let added = both.added.iter().copied().filter(|c| !part.added.contains(c)).collect();
+        fits.fit_from(added, &p, &both.fit.locals)
+    });
+    if with_part.is_some() {
+        return with_part.into_iter().collect();
+    }
     let Some(by_share) = effects.by_share else { return Vec::new() };
     let corrected_model = extended(&by_share.corrected, study);
     let corrections = corrected(study, &corrected_model.fit);
     let fits = Fits { corrections, ..Fits::new(study, scale.to_vec()) };
     let best = by_share.steps.iter().find(|step| step.model.is_empty());
-    let named = best.into_iter().flat_map(|step| &step.candidates).take(MAX_REFUSED);
+    let tried = best.into_iter().flat_map(|step| &step.candidates).take(MAX_REFUSED);
+    let index = |tried: &Tried| study.candidates.iter().position(|own| own.name() == tried.id);
     let is_block = |c: &usize| !matches!(study.candidates[*c].action, Action::Sensor { .. });
-    let candidates = named
-        .filter_map(|tried| study.candidates.iter().position(|own| own.name() == tried.id))
-        .filter(is_block);
-    let fitted = candidates.filter_map(|c| {
+    let mut candidates: Vec<usize> = tried.filter_map(index).filter(is_block).collect();
+    // Where a simpler one leaves noise, the others are not tried.
+    candidates.sort_by_key(|&c| study.candidates[c].complexity);
+    let fitted = candidates.into_iter().filter_map(|c| {
         let alone = effects.selection.singles.iter().find(|model| model.added == [c])?;
         let mut p = corrected_model.fit.parameters.clone();
         study.candidates[c].entries.clone().for_each(|index| p[index] = alone.fit.parameters[index]);
@@ -157,7 +209,7 @@ fn place_of_rest(fits: &Fits, judge: &Judge, model: &Model, least: f64) -> Optio
 fn sought(
     study: &mut Study,
     scale: &[f64],
-    (judge, base, max_tolerances): (&Judge, &Model, f64),
+    (judge, base, effects, to_noise): (&Judge, &Model, &Effects, bool),
     found: &mut Answer,
     say: Say,
 ) -> Option<Model> {
@@ -167,10 +219,11 @@ fn sought(
             |role, locals| errors(&fits, &base.added, &pieces(study, role), &base.fit.parameters, locals);
         [own(Role::Estimation, Some(&base.fit.locals[..])), own(Role::Validation, None)]
     };
-    let floors = || [found.floor[1].clone(), found.floor[1].clone()];
-    let by_effects = share(study, [&found.before[1], &lacking[1]], &floors());
+    let floors = |found: &Answer| [found.floor[1].clone(), found.floor[1].clone()];
+    let by_effects = share(study, [&found.before[1], &lacking[1]], &floors(found));
     let aim = Aim::Share { min_form_share: MIN_SHARE_OF_REST };
     let enough = MAX_LEFT_BY_FREE_FORM * scaled(study, scale, &lacking[0].rms);
+    let max_tolerances = effects.settings.forward_selection.max_tolerances;
     let scope = Scope { lacking: &lacking[1], enough, wide: false, max_tolerances };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, widen } = finder.find(study, judge, base, found)?;
@@ -179,13 +232,15 @@ fn sought(
         let fits = finder.fits(study);
         judge.explained(&fits, &model) || judge.tolerable(&fits, &model)
     };
-    let refused = found.verdict == Verdict::Unexplained;
-    let whole = share(study, [&found.before[1], &after[1]], &floors());
+    let whole = share(study, [&found.before[1], &after[1]], &floors(found));
     let much = law.share >= MIN_SHARE_OF_REST && whole >= MIN_SHARE_OF_BOTH;
-    let enough = complete || !refused && much;
-    let told = |c: &usize| found.effects.iter().any(|effect| study.candidates[*c].is(effect));
-    if kept.is_empty() || !law.named || !enough || !kept.iter().all(told) {
+    if kept.is_empty() || !law.named || !(complete || much && !to_noise) {
         return None;
+    }
+    for &c in &kept {
+        if !found.effects.iter().any(|effect| study.candidates[c].is(effect)) {
+            found.effects.push(effects::effect(&finder.fits(study), effects.selection, &model, c, widen));
+        }
     }
     for effect in &mut found.effects {
         match kept.iter().find(|&&c| study.candidates[c].is(effect)) {

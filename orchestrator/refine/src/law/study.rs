@@ -52,6 +52,8 @@ const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.3;
 /// Share of what a law takes away from which on effects that are terms of it are the answer, and the law a remark.
 const MIN_SHARE_OF_MAIN_TERM: f64 = 0.5;
+/// Share of the error on validation records from which on a law that leaves too much may be one beside effects.
+const MIN_SHARE_OF_PART: f64 = 0.3;
 /// Ratio of the error of a free form on estimation records to that which a law may leave on validation records, or to
 /// what counts as noise, from which on no formula for it is looked for.
 const MAX_ERROR_OF_FREE_FORM: f64 = 2.0;
@@ -126,6 +128,8 @@ pub struct InPlace {
     pub law: Option<Model>,
     /// Candidates of the answer that are terms of a law which therefore does not take their place.
     pub terms: Vec<usize>,
+    /// The model with a formula that takes much of the error and leaves too much to be the law alone.
+    pub part: Option<Model>,
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much. `base`: the declared model with
@@ -139,12 +143,12 @@ pub fn explain(
     say: Say,
 ) -> InPlace {
     let before = Extent::of(study);
-    let mut terms = Vec::new();
-    let law = sought(study, scale, model, found, (aim, &mut terms), say);
-    if law.is_none() {
+    let mut held = InPlace::default();
+    let law = sought(study, scale, model, found, (aim, &mut held), say);
+    if law.is_none() && held.part.is_none() {
         before.restore(study);
     }
-    InPlace { law, terms }
+    InPlace { law, ..held }
 }
 
 fn sought(
@@ -152,7 +156,7 @@ fn sought(
     scale: &[f64],
     (judge, base): (&Judge, &Model),
     found: &mut Answer,
-    (aim, held): (Aim, &mut Vec<usize>),
+    (aim, held): (Aim, &mut InPlace),
     say: Say,
 ) -> Option<Model> {
     let left = 1.0 - found.share.unwrap_or(0.0);
@@ -184,6 +188,8 @@ fn sought(
         return None;
     }
     if !complete && !most {
+        let is_part = law.named && law.share >= MIN_SHARE_OF_PART;
+        held.part = is_part.then_some(model);
         return None;
     }
     if partly {
@@ -197,7 +203,7 @@ fn sought(
         let terms: Vec<&Effect> = found.effects.iter().filter(is_term).collect();
         if let Some(effect) = terms.first().filter(|_| main) {
             let is_held = |c: &usize| terms.iter().any(|effect| study.candidates[*c].is(effect));
-            held.extend((0..study.candidates.len()).filter(is_held));
+            held.terms.extend((0..study.candidates.len()).filter(is_held));
             let note = terms::told(&law, effect);
             found.notes.push(note);
             return None;

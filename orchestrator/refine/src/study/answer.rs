@@ -169,7 +169,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             // One that takes the place of effects and leaves more than noise may only be their sum with another.
             if !found.complete {
                 let (selection, by_share) = (&selection, by_share.as_ref());
-                let effects = beside::Effects { selection, by_share, terms: &in_place.terms, max_tolerances };
+                let (terms, part) = (&in_place.terms[..], in_place.part.as_ref());
+                let effects = beside::Effects { selection, by_share, terms, part, settings };
                 let mut both = if law.is_some() { without } else { found.clone() };
                 let beside = beside::explain(&mut study, &scale, (&judge, &effects), &mut both, say);
                 if beside.is_some() && (law.is_none() || both.complete) {

@@ -42,7 +42,7 @@ fn score(fits: &Fits, selection: &Selection, model: &Model) -> f64 {
 }
 
 /// An effect of a model; `widen`: factor of the standard deviations that the covariance of its fit gives.
-pub(super) fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
+pub(crate) fn effect(fits: &Fits, selection: &Selection, model: &Model, c: usize, widen: f64) -> Effect {
     let study = fits.study;
     let own = &study.candidates[c];
     let score = score(fits, selection, model);

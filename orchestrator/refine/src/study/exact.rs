@@ -18,6 +18,8 @@ use crate::engine::select::{Effort, select};
 
 /// Single candidates whose errors on what is held out are shown beside that of the best model.
 const HELD_OUT_RIVALS: usize = 3;
+/// Models that are tried: fewer than for the rig, as a simulation over FMUs costs more.
+const EFFORT: Effort = Effort { max_effects: 3, singles: 10, climbed: 2, pairs: (3, 3) };
 /// Rounds of a fit of everything.
 const ROUNDS: usize = 14;
 
@@ -60,8 +62,7 @@ pub fn search(
         null: judge.tolerant(),
         rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
     };
-    // Fewer models than for the rig: a simulation over FMUs costs more.
-    let effort = Effort { max_effects: settings.max_effects, singles: 10, climbed: 2, pairs: (3, 3) };
+    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
     let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
     let found = select(&search, start, &[], effort, &Vec::new);
     if !found.explained || found.best.added.is_empty() {
@@ -97,6 +98,44 @@ pub fn search(
     let path = vec![(Vec::new(), declared.held_out), (best.added.clone(), best.held_out)];
     let selection = Selection::new(declared, best, singles, path);
     Ok(Selection { equals, stability, exact: true, changed, ..selection })
+}
+
+/// The fewest effects beside which a model that has a law already leaves nothing but noise: the model with all of them,
+/// if there is one.
+pub fn beside(fits: &Fits, judge: &Judge, with_law: &Model, settings: &Settings, say: Say) -> Option<Model> {
+    let study = fits.study;
+    let view = fits.view(&[], &fits.pieces);
+    let whole = Whole::new(&view, noises(study), say);
+    let candidates: Vec<Candidate> = (0..study.candidates.len()).map(|c| candidate(study, c)).collect();
+    // The parameters of the law say that it acts.
+    let entries = with_law.added.iter().flat_map(|&c| study.candidates[c].entries.clone());
+    let mut always = study.declared_free();
+    always.extend(entries.map(|index| study.entries[index].free));
+    let may_join = |c: usize, added: &[usize]| {
+        let own = &study.candidates[c];
+        own.is_searched() && own.needs.is_none_or(|needs| added.contains(&needs))
+    };
+    let sense =
+        |added: &[usize], fit: &Fit| physical(study, &Model::new(added.to_vec(), fit.clone(), f64::NAN));
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let every = records.len().div_ceil(SCREENED_RECORDS);
+    let search = Search {
+        system: &whole,
+        candidates: &candidates,
+        screened: records.iter().copied().step_by(every).collect(),
+        records,
+        null: judge.tolerant(),
+        rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
+    };
+    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
+    let start = search.fit(&[], &[], &with_law.fit.parameters, &with_law.fit.locals, ROUNDS);
+    let found = select(&search, start, &[], effort, &Vec::new);
+    if !found.explained || found.best.added.is_empty() {
+        return None;
+    }
+    let added = found.best.added.iter().chain(&with_law.added).copied().collect();
+    let best = refitted(fits, &Model::new(added, found.best.fit, f64::NAN));
+    judge.explained(fits, &best).then_some(best)
 }
 
 /// Declared parameters of which another value may be missing: those that no effect of the list does the same as.
