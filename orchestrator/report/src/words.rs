@@ -278,8 +278,10 @@ pub fn effect_on_error(answer: &Answer) -> Option<String> {
         Some((signal, rms / floor, left / floor))
     });
     let (signal, from, to) = improved.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
+    let parts = answer.effects.iter().filter(|effect| effect.selected).count() + answer.law.iter().count();
+    let it = if parts > 1 { "them" } else { "it" };
     Some(format!(
-        "With it, the error of {signal} on records that the fit has not seen falls from {} to {} times what sensor noise alone gives.",
+        "With {it}, the error of {signal} on records that the fit has not seen falls from {} to {} times what sensor noise alone gives.",
         super::chart::short(from),
         super::chart::short(to)
     ))

@@ -12,6 +12,7 @@ use super::goodness::Null;
 use super::normal::residuals;
 use super::question::{Correction, Found, FreeForm, Question, Step, Tried};
 use super::search::{Model, Promise, Rules, Search};
+use super::sets;
 use super::stop;
 use super::weighted::{Weighted, long_run};
 
@@ -70,8 +71,17 @@ pub fn search(question: &Question) -> Found {
     found
 }
 
-/// Gives a reason to candidates without objection that are neither in the answer nor as good as an effect of it.
+/// Gives a reason to candidates without objection that are neither in the answer nor as good as an effect of it, and
+/// takes what a set of effects needed from those that another set has replaced.
 fn tell_others(found: &mut Found) {
+    let tried = found.steps.iter_mut().flat_map(|step| &mut step.tried);
+    for own in tried.filter(|own| !found.best.added.contains(&own.candidate)) {
+        if let Some(reason) = own.rejected.as_mut()
+            && let Some(rest) = reason.strip_suffix(sets::NEEDED)
+        {
+            *reason = rest.to_owned();
+        }
+    }
     let tried = found.steps.iter_mut().flat_map(|step| &mut step.tried);
     for own in tried.filter(|own| own.rejected.is_none()) {
         let as_good = found.equals.iter().any(|(_, other)| other.candidate == own.candidate);

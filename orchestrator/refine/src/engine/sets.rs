@@ -22,7 +22,7 @@ const FIRST_ROUNDS: usize = 2;
 const SHARE_OF_FALL_AT_FIRST: f64 = 0.3;
 
 /// Words that the report adds to the reason why an effect of a set was rejected before.
-const NEEDED: &str = "; a set of effects that was accepted later needs it";
+pub(super) const NEEDED: &str = "; a set of effects that was accepted later needs it";
 
 /// Effects and parameters to start from.
 type Proposal = (Vec<usize>, Vec<f64>);

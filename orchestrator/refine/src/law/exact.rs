@@ -237,7 +237,11 @@ impl Finder<'_> {
         place: &Place,
         tried: &mut Vec<Tried>,
     ) {
-        let Aim::Noise { max_tolerances } = self.aim else { return };
+        let max_tolerances = match self.aim {
+            Aim::Noise { max_tolerances } => max_tolerances,
+            Aim::Share { .. } if self.beside.is_empty() => return,
+            Aim::Share { .. } => self.max_tolerances,
+        };
         let found = corrections(study, max_tolerances);
         let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !found.is_empty()) else {
             return;
