@@ -27,8 +27,8 @@ const POINTS: usize = 301;
 pub enum Command {
     /// List the effects that a search looks for: those of the program, and those of a folder.
     ///
-    /// The formula is taken off the force, torque or flow at the port; at a signal, command or sensor it replaces f.
-    /// One without a formula is computed by the program alone.
+    /// The formula is taken off the force, torque, flow or voltage at the port; at a signal, command or sensor it
+    /// replaces f. One without a formula is computed by the program alone.
     #[command(after_help = "Example: airloop effects list effects/")]
     List {
         /// Folder with effects as .toml files, or one such file.
@@ -40,7 +40,7 @@ pub enum Command {
     ///
     /// kind = "bristle"              (its name)
     ///
-    /// port = "force"                (force, torque, flow: the formula is taken off; signal, sensor: it replaces f)
+    /// port = "force"                (force, torque, flow, voltage: formula taken off; signal, sensor: it replaces f)
     ///
     /// formula = "k*z"               (over x, v, f (the value that passes), t, states, parameters)
     ///
