@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from command import ROOT, start
-from test_study import named, refine
+from test_study import amended_has_printed_errors, named, refine
 
 MAKE = ROOT / "tests" / "study" / "third_party" / "make_third_party.py"
 
@@ -39,13 +39,7 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
     names = {own["id"] for own in stands} | {f"{own['id']}@{own['port']}" for own in stands}
     tried = [own for step in found["steps"] for own in step["candidates"]]
     assert all(own["rejected"] for own in tried if own["id"] not in names) and any(own["id"] not in names for own in tried)
-    # The amended system, run on the records of the study, has the errors that are printed.
-    system = tmp_path / "out" / "system" / "system.ssd"
-    run = start("run", system, "--study", folder / "study.toml", "-o", tmp_path / "run")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    for role in ("estimation", "validation"):
-        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)
+    amended_has_printed_errors(folder / "study.toml", tmp_path / "out", found)
 
 
 def test_a_torque_that_depends_on_the_speed_of_another_joint_is_a_law(tmp_path):
@@ -101,11 +95,7 @@ def test_where_no_effect_is_named_the_answer_is_the_declared_model_with_its_corr
     assert sum(after.values()) < 0.7 * sum(before.values())
     assert re.search(r"Corrections of declared parameters within their tolerances take away \d\d %", result.stdout)
     # What the amended system leaves is what is printed.
-    run = start("run", tmp_path / "out" / "system" / "system.ssd", "--study", folder / "study.toml", "-o", tmp_path / "run")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    for role in ("estimation", "validation"):
-        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)
+    amended_has_printed_errors(folder / "study.toml", tmp_path / "out", found)
 
 
 def test_a_friction_that_changes_with_a_measured_temperature_is_a_law(tmp_path):
@@ -233,9 +223,4 @@ def test_a_voltage_that_is_lost_along_a_current_is_found_at_the_voltage(tmp_path
     main = truth["effects"][0]["main"]
     true, value = truth["effects"][0]["params"][main], found["effects"][0]["params"][main]
     assert value["value"] == pytest.approx(true["value"], rel=0.05) and value["unit"] == {"coef": "V/A", "drop": "V"}[main]
-    system = tmp_path / "out" / "system" / "system.ssd"
-    run = start("run", system, "--study", folder / "plain.toml", "-o", tmp_path / "run")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    for role in ("estimation", "validation"):
-        assert summary[role]["rms"] == pytest.approx(found["residual"][role]["rms_after"], rel=1e-3)
+    amended_has_printed_errors(folder / "plain.toml", tmp_path / "out", found)

@@ -7,6 +7,7 @@ use super::curve::{Curve, sampled};
 use crate::answer::{Answer, Effect, Wiring};
 use crate::study::law::{Law, Point, Variable};
 use crate::study::model::{Action, Study, Tap};
+use crate::study::ports::Kind;
 use crate::vocabulary::Own;
 
 /// Ordinate of the curve of a block.
@@ -147,10 +148,16 @@ fn abscissa(tap: &Tap, variable: Variable) -> (String, String) {
     }
 }
 
+/// Whether a port is a voltage that drives a current.
+fn is_electrical(tap: &Tap) -> bool {
+    tap.attachment.port.is_some_and(|duty| duty.kind == Kind::Electrical)
+}
+
 /// Name and unit of the ordinate.
 fn ordinate(tap: &Tap, shown: &Shown) -> (String, String) {
     let (name, unit) = (&tap.name, &tap.units[0]);
     match shown {
+        Shown::Friction if is_electrical(tap) => (format!("voltage lost at {name}"), unit.clone()),
         Shown::Friction => (format!("friction at {name}"), unit.clone()),
         Shown::Taken => (format!("taken off {name}"), unit.clone()),
         Shown::Added => (format!("added to {name}"), unit.clone()),

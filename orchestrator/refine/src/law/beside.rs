@@ -4,11 +4,11 @@
 //! with the law; one that only stood for a part of the law is left out.
 
 use super::extent::Extent;
-use super::study::{Aim, Finder, Outcome, Scope, extended, scaled};
+use super::finder::{Finder, Scope};
+use super::study::{Aim, Outcome, extended, put, scaled};
 use crate::answer::{Answer, Effect, Settings, Tried, Verdict};
 use crate::engine::stop;
-use crate::study::assembled;
-use crate::study::by_share::{self, ByShare};
+use crate::study::by_share::ByShare;
 use crate::study::catalog::Candidate;
 use crate::study::changed::corrected;
 use crate::study::declaration::Role;
@@ -39,8 +39,6 @@ const MIN_SHARE_OF_REST: f64 = 0.7;
 const MIN_SHARE_OF_BOTH: f64 = 0.9;
 /// Share of what effects leave that a law may leave by the free form it is looked for by.
 const MAX_LEFT_BY_FREE_FORM: f64 = 0.1;
-/// Ratio of the error without an effect to that with it, up to which the law beside it does without it.
-pub(super) const MAX_ERROR_WITHOUT: f64 = 1.01;
 
 /// Outcome of the search for effects.
 pub struct Effects<'a> {
@@ -249,7 +247,8 @@ fn sought(
                 effect.wiring = effects::wiring(study, &model, c);
                 if !effect.selected {
                     effect.selected = true;
-                    effect.share = Some(by_effects);
+                    // That of several is no share of one.
+                    effect.share = (base.added.len() == 1).then_some(by_effects);
                     effect.reason = format!("beside the law at {} it leaves noise", law.port);
                 }
             }
@@ -263,14 +262,6 @@ fn sought(
     law.share = whole - by_effects;
     (found.verdict, found.unexplained) = (Verdict::Effect, None);
     found.share = Some(whole);
-    found.complete = complete;
-    found.left[1] = judge.left(&finder.fits(study), &model);
-    let at = (law.port.clone(), judge.floors(judge.excess(&model)));
-    found.left_at = if complete { Vec::new() } else { vec![at] };
-    found.law = Some(law);
-    found.fitted = assembled::fitted(study, &model.fit.parameters);
-    found.corrections = by_share::corrections_beside(study, &model, &found.corrections);
-    found.after = after;
-    found.parameters[1].clone_from(&model.fit.parameters);
+    put(found, (&finder.fits(study), judge, &model), law, after, complete);
     Some(model)
 }

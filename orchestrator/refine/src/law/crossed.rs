@@ -2,9 +2,9 @@
 //! motions.
 
 use super::elsewhere::least;
+use super::finder::Finder;
 use super::free_form::FreeForm;
 use super::place::{CURVE_KNOTS, MAX_ERROR_WITHOUT_SECOND, SCREENING_KNOTS, SURFACE_KNOTS};
-use super::study::Finder;
 use crate::engine::stop;
 use crate::study::fits::Model;
 use crate::study::law::Variable;

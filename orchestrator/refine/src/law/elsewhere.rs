@@ -2,8 +2,8 @@
 //! of one over the motion at the port itself.
 
 use super::extent::Extent;
+use super::finder::Finder;
 use super::free_form::FreeForm;
-use super::study::Finder;
 use super::surface::Surface;
 use crate::study::fits::Model;
 use crate::study::law::{Point, Variable};

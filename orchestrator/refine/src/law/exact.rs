@@ -3,11 +3,12 @@
 
 use std::sync::Arc;
 
+use super::finder::Finder;
 use super::formula::{self, PRICE_PER_COMPLEXITY};
 use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
 use super::place::CURVE_KNOTS;
-use super::study::{Aim, Finder, Found, corrections, extended, push};
+use super::study::{Aim, Found, corrections, extended, push};
 use super::written::{curve_text, effect, read};
 use crate::answer::Answer;
 use crate::engine::fit::Free;

@@ -1,6 +1,7 @@
 //! A free form at a port of a study, fitted in simulation: windows first, whole records from their beginning on.
 
-use super::study::{Finder, extended, push};
+use super::finder::Finder;
+use super::study::{extended, push};
 use super::surface::Surface;
 use super::surrogate::Approach;
 use crate::engine::fit::Free;

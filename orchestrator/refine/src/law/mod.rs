@@ -14,6 +14,7 @@ mod crossed;
 mod elsewhere;
 pub mod exact;
 mod extent;
+mod finder;
 pub mod formula;
 pub mod found;
 mod free_form;

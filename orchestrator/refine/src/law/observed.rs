@@ -2,9 +2,9 @@
 //! depends on a temperature, a valve on a pressure.
 
 use super::elsewhere::least;
+use super::finder::Finder;
 use super::free_form::FreeForm;
 use super::place::{SCREENING_KNOTS, SURFACE_KNOTS};
-use super::study::Finder;
 use crate::engine::stop;
 use crate::study::catalog;
 use crate::study::declaration::Role;

@@ -1,8 +1,9 @@
 //! Port of a study, and variables there, over which a free form explains most of the residual.
 
 use super::exact::Refuted;
+use super::finder::Finder;
 use super::free_form::FreeForm;
-use super::study::{Finder, Found, Outcome};
+use super::study::{Found, Outcome};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;

@@ -171,7 +171,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
                 let (selection, by_share) = (&selection, by_share.as_ref());
                 let (terms, part) = (&in_place.terms[..], in_place.part.as_ref());
                 let effects = beside::Effects { selection, by_share, terms, part, settings };
-                let mut both = if law.is_some() { without } else { found.clone() };
+                let mut both = without;
                 let beside = beside::explain(&mut study, &scale, (&judge, &effects), &mut both, say);
                 if beside.is_some() && (law.is_none() || both.complete) {
                     (found, law) = (both, beside);

@@ -14,7 +14,7 @@ use crate::answer::Settings;
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::search::{self, Rules, Search};
-use crate::engine::select::{Effort, select};
+use crate::engine::select::{self, Effort, select};
 
 /// Single candidates whose errors on what is held out are shown beside that of the best model.
 const HELD_OUT_RIVALS: usize = 3;
@@ -44,27 +44,7 @@ pub fn search(
     let changes = changes(study, &whole, &declared.fit, &candidates);
     candidates.extend(changes.iter().map(|&free| changed::candidate(free)));
     let always = study.declared_free();
-    let may_join = |c: usize, added: &[usize]| {
-        let Some(own) = study.candidates.get(c) else { return true };
-        own.is_searched() && own.needs.is_none_or(|needs| added.contains(&needs))
-    };
-    let sense = |added: &[usize], fit: &Fit| {
-        let added = added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
-        physical(study, &Model::new(added, fit.clone(), f64::NAN))
-    };
-    let records: Vec<usize> = (0..fits.pieces.len()).collect();
-    let every = records.len().div_ceil(SCREENED_RECORDS);
-    let search = Search {
-        system: &whole,
-        candidates: &candidates,
-        screened: records.iter().copied().step_by(every).collect(),
-        records,
-        null: judge.tolerant(),
-        rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
-    };
-    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
-    let start = search.fit(&[], &[], &declared.fit.parameters, &declared.fit.locals, ROUNDS);
-    let found = select(&search, start, &[], effort, &Vec::new);
+    let found = fewest(fits, judge, (&whole, &candidates), (&always, &declared.fit), settings);
     if !found.explained || found.best.added.is_empty() {
         return Err(Some(Box::new(model(fits, &found.best))).filter(|best| best.error.is_finite()));
     }
@@ -111,31 +91,46 @@ pub fn beside(fits: &Fits, judge: &Judge, with_law: &Model, settings: &Settings,
     let entries = with_law.added.iter().flat_map(|&c| study.candidates[c].entries.clone());
     let mut always = study.declared_free();
     always.extend(entries.map(|index| study.entries[index].free));
-    let may_join = |c: usize, added: &[usize]| {
-        let own = &study.candidates[c];
-        own.is_searched() && own.needs.is_none_or(|needs| added.contains(&needs))
-    };
-    let sense =
-        |added: &[usize], fit: &Fit| physical(study, &Model::new(added.to_vec(), fit.clone(), f64::NAN));
-    let records: Vec<usize> = (0..fits.pieces.len()).collect();
-    let every = records.len().div_ceil(SCREENED_RECORDS);
-    let search = Search {
-        system: &whole,
-        candidates: &candidates,
-        screened: records.iter().copied().step_by(every).collect(),
-        records,
-        null: judge.tolerant(),
-        rules: Rules { always: &always, may_join: Some(&may_join), sense: Some(&sense) },
-    };
-    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
-    let start = search.fit(&[], &[], &with_law.fit.parameters, &with_law.fit.locals, ROUNDS);
-    let found = select(&search, start, &[], effort, &Vec::new);
+    let found = fewest(fits, judge, (&whole, &candidates), (&always, &with_law.fit), settings);
     if !found.explained || found.best.added.is_empty() {
         return None;
     }
     let added = found.best.added.iter().chain(&with_law.added).copied().collect();
     let best = refitted(fits, &Model::new(added, found.best.fit, f64::NAN));
     judge.explained(fits, &best).then_some(best)
+}
+
+/// The engine's search for the fewest candidates that leave noise, changes of declared parameters behind those of the
+/// study; `always`: parameters that are fitted with all of them, from `start`.
+fn fewest(
+    fits: &Fits,
+    judge: &Judge,
+    (whole, candidates): (&Whole, &[Candidate]),
+    (always, start): (&[Free], &Fit),
+    settings: &Settings,
+) -> select::Selection {
+    let study = fits.study;
+    let may_join = |c: usize, added: &[usize]| {
+        let Some(own) = study.candidates.get(c) else { return true };
+        own.is_searched() && own.needs.is_none_or(|needs| added.contains(&needs))
+    };
+    let sense = |added: &[usize], fit: &Fit| {
+        let added = added.iter().copied().filter(|&c| c < study.candidates.len()).collect();
+        physical(study, &Model::new(added, fit.clone(), f64::NAN))
+    };
+    let records: Vec<usize> = (0..fits.pieces.len()).collect();
+    let every = records.len().div_ceil(SCREENED_RECORDS);
+    let search = Search {
+        system: whole,
+        candidates,
+        screened: records.iter().copied().step_by(every).collect(),
+        records,
+        null: judge.tolerant(),
+        rules: Rules { always, may_join: Some(&may_join), sense: Some(&sense) },
+    };
+    let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
+    let start = search.fit(&[], &[], &start.parameters, &start.locals, ROUNDS);
+    select(&search, start, &[], effort, &Vec::new)
 }
 
 /// Declared parameters of which another value may be missing: those that no effect of the list does the same as.
