@@ -5,7 +5,7 @@
 
 use super::extent::Extent;
 use super::finder::{Finder, Scope};
-use super::study::{Aim, Outcome, extended, put, scaled};
+use super::study::{Aim, Outcome, extended, put, put_alone, scaled};
 use crate::answer::{Answer, Effect, Settings, Tried, Verdict};
 use crate::engine::stop;
 use crate::study::by_share::ByShare;
@@ -115,11 +115,8 @@ fn beside_selected(
         return Vec::new();
     }
     let fits = Fits { corrections: corrected(study, &best.fit), ..Fits::new(study, scale.to_vec()) };
-    // A law has the constants of its port.
-    let is_constant =
-        |own: &Candidate| matches!(own.action, Action::Block { law: Law::Offset | Law::Bias, .. });
     let part = |kept: &dyn Fn(&Candidate) -> bool| -> Option<Model> {
-        let is_kept = |&c: &usize| kept(&study.candidates[c]) && !is_constant(&study.candidates[c]);
+        let is_kept = |&c: &usize| kept(&study.candidates[c]);
         let added: Vec<usize> = best.added.iter().copied().filter(is_kept).collect();
         if added.is_empty() || stop::asked() {
             None
@@ -129,22 +126,34 @@ fn beside_selected(
             fits.fit_from(added, &best.fit.parameters, &best.fit.locals)
         }
     };
+    // A law has the constants of its port.
+    let is_constant =
+        |own: &Candidate| matches!(own.action, Action::Block { law: Law::Offset | Law::Bias, .. });
+    let with_place = |kept: &dyn Fn(&Candidate) -> bool| -> Option<(Model, String)> {
+        let base = part(kept)?;
+        let place = place_of_rest(&fits, judge, &base, MIN_SHARE_OF_FREE_FORM)?;
+        let is_own = |own: &Candidate| is_constant(own) && own.port == place;
+        if base.added.iter().any(|&c| is_own(&study.candidates[c])) {
+            let base = part(&|own| kept(own) && !is_own(own))?;
+            return Some((base, place));
+        }
+        Some((base, place))
+    };
     if !effects.terms.is_empty() && effects.terms.len() < best.added.len() {
         let is_term =
             |own: &Candidate| effects.terms.iter().any(|&c| study.candidates[c].name() == own.name());
         return part(&is_term).into_iter().collect();
     }
-    let place = |model: &Model| place_of_rest(&fits, judge, model, MIN_SHARE_OF_FREE_FORM);
-    let mut bases: Vec<Model> = part(&|_| true).filter(|base| place(base).is_some()).into_iter().collect();
+    let mut bases: Vec<Model> = with_place(&|_| true).map(|(base, _)| base).into_iter().collect();
     let mut ports: Vec<&str> = best.added.iter().map(|&c| study.candidates[c].port.as_str()).collect();
     ports.sort_unstable();
     ports.dedup();
     for port in ports {
-        let is_there = |base: &Model| place(base).is_some_and(|own| own == port);
-        bases.extend(part(&|own| own.port != port).filter(is_there));
+        let there = with_place(&|own| own.port != port).filter(|(_, place)| place == port);
+        bases.extend(there.map(|(base, _)| base));
     }
-    let main = part(&|own| selected.first().is_some_and(|effect| own.is(effect)));
-    bases.extend(main.filter(|base| place(base).is_some()));
+    let main = with_place(&|own| selected.first().is_some_and(|effect| own.is(effect)));
+    bases.extend(main.map(|(base, _)| base));
     let mut known = Vec::new();
     bases.retain(|base| {
         let is_new = !known.contains(&base.added);
@@ -220,24 +229,29 @@ fn sought(
     let floors = |found: &Answer| [found.floor[1].clone(), found.floor[1].clone()];
     let by_effects = share(study, [&found.before[1], &lacking[1]], &floors(found));
     let aim = Aim::Share { min_form_share: MIN_SHARE_OF_REST };
-    let enough = MAX_LEFT_BY_FREE_FORM * scaled(study, scale, &lacking[0].rms);
+    let most = MAX_LEFT_BY_FREE_FORM * scaled(study, scale, &lacking[0].rms);
     let max_tolerances = effects.settings.forward_selection.max_tolerances;
-    let scope = Scope { lacking: &lacking[1], enough, wide: false, max_tolerances };
+    let scope = Scope { lacking: &lacking[1], enough: most, wide: false, max_tolerances };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, widen } = finder.find(study, judge, base, found)?;
     let kept: Vec<usize> = base.added.iter().copied().filter(|c| model.added.contains(c)).collect();
-    let complete = {
-        let fits = finder.fits(study);
-        judge.explained(&fits, &model) || judge.tolerable(&fits, &model)
-    };
+    let fits = finder.unhurried(study);
+    let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     let whole = share(study, [&found.before[1], &after[1]], &floors(found));
     let much = law.share >= MIN_SHARE_OF_REST && whole >= MIN_SHARE_OF_BOTH;
-    if kept.is_empty() || !law.named || !(complete || much && !to_noise) {
+    let enough = complete || !to_noise && much && !kept.is_empty();
+    if !law.named || !enough {
         return None;
+    }
+    // Beside them it was found, and without them it leaves noise.
+    if kept.is_empty() {
+        law.share = whole;
+        put_alone(found, (&fits, judge, &model), law, after, complete);
+        return Some(model);
     }
     for &c in &kept {
         if !found.effects.iter().any(|effect| study.candidates[c].is(effect)) {
-            found.effects.push(effects::effect(&finder.fits(study), effects.selection, &model, c, widen));
+            found.effects.push(effects::effect(&fits, effects.selection, &model, c, widen));
         }
     }
     for effect in &mut found.effects {
@@ -262,6 +276,6 @@ fn sought(
     law.share = whole - by_effects;
     (found.verdict, found.unexplained) = (Verdict::Effect, None);
     found.share = Some(whole);
-    put(found, (&finder.fits(study), judge, &model), law, after, complete);
+    put(found, (&fits, judge, &model), law, after, complete);
     Some(model)
 }

@@ -5,7 +5,7 @@ use crate::study::model::Study;
 
 /// Lengths of the lists that a search for laws adds to.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Extent {
+pub(crate) struct Extent {
     entries: usize,
     candidates: usize,
     surfaces: usize,
@@ -14,7 +14,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    pub(super) fn of(study: &Study) -> Extent {
+    pub(crate) fn of(study: &Study) -> Extent {
         Extent {
             entries: study.entries.len(),
             candidates: study.candidates.len(),
@@ -25,7 +25,7 @@ impl Extent {
     }
 
     /// Takes away what was added since.
-    pub(super) fn restore(self, study: &mut Study) {
+    pub(crate) fn restore(self, study: &mut Study) {
         study.entries.truncate(self.entries);
         study.candidates.truncate(self.candidates);
         study.surfaces.truncate(self.surfaces);

@@ -127,6 +127,11 @@ impl Finder<'_> {
         Fits { quick: self.quick, corrections, ..Fits::new(study, self.scale.to_vec()) }
     }
 
+    /// Those with the steps of the study, by which an answer is weighed.
+    pub(super) fn unhurried<'s>(&self, study: &'s Study) -> Fits<'s> {
+        Fits { quick: false, ..self.fits(study) }
+    }
+
     pub(super) fn unit(study: &Study, tap: usize, variable: Variable) -> String {
         let [value, velocity, position] = &study.taps[tap].units;
         match variable {
@@ -185,7 +190,7 @@ impl Finder<'_> {
 
     /// Error of a model in the units of the search.
     pub(super) fn error(&self, study: &Study, model: &Model) -> f64 {
-        let fits = Fits { quick: false, ..self.fits(study) };
+        let fits = self.unhurried(study);
         let view = fits.view(&model.added, &fits.pieces);
         let residuals = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
         fits.rms((0..fits.pieces.len()).flat_map(residuals).map(|own| own * own).sum())

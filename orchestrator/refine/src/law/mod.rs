@@ -13,7 +13,7 @@ pub mod beside;
 mod crossed;
 mod elsewhere;
 pub mod exact;
-mod extent;
+pub(crate) mod extent;
 mod finder;
 pub mod formula;
 pub mod found;

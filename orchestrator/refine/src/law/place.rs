@@ -44,7 +44,7 @@ const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 /// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
-const MAX_ERROR_OF_NOISE: f64 = 2.0;
+pub(super) const MAX_ERROR_OF_NOISE: f64 = 2.0;
 /// Ratio of the power above noise that a law with a memory leaves to the least without one, below which it is taken.
 const MAX_EXCESS_WITH_MEMORY: f64 = 0.36;
 
@@ -196,15 +196,24 @@ impl Finder<'_> {
             let found = self.fine(study, declared, (other.tap, other.surface.variables[0]));
             let found = found.and_then(|form| self.law(study, (judge, answer), declared, &form).ok()?);
             let better =
-                |own: &Found| own.model.error < least || judge.explained(&self.fits(study), &own.model);
+                |own: &Found| own.model.error < least || judge.explained(&self.unhurried(study), &own.model);
             law = found.filter(|own| own.named && better(own)).or(law);
         }
         let left = law.as_ref().map_or(declared, |own| &own.model);
         let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
         let explained = law.as_ref().is_some_and(|own| self.explains(study, judge, &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
-        let memory =
-            if self.wide && most_is_left && !explained { self.memory(study, declared) } else { None };
+        let memory = if most_is_left && !explained && !stop::asked() {
+            // Friction with a memory passes for the usual one: then it is where that was found.
+            let named = law.iter().map(|own| Some(study.taps[own.tap].name.clone()));
+            let selected = answer.effects.iter().filter(|effect| effect.selected);
+            let at_tap = |port: &&String| study.taps.iter().any(|tap| tap.name == **port);
+            let of_effects = selected.map(|effect| effect.port.as_ref().filter(at_tap).cloned());
+            let ports: Option<Vec<String>> = of_effects.chain(named).collect();
+            self.memory(study, declared, ports.as_deref().filter(|_| !self.wide))
+        } else {
+            None
+        };
         let found = match memory {
             Some((tap, model, effect)) if judge.excess(&model) < most => {
                 let (axes, variables) = (Vec::new(), vec![Variable::Velocity]);
@@ -231,7 +240,7 @@ impl Finder<'_> {
     /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by the residual
     /// of the declared model, the best fit may leave more of those that matter little.
     fn explains(&self, study: &Study, judge: &Judge, model: &Model) -> bool {
-        let fits = self.fits(study);
+        let fits = self.unhurried(study);
         let near = model.error < self.max_error;
         judge.explained(&fits, model)
             || near && self.in_noise(study, &[], model).is_some_and(|own| judge.explained(&fits, &own))

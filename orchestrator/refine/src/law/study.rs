@@ -123,7 +123,7 @@ fn sought(
     let scope = Scope { lacking: &found.before[1], enough, wide, max_tolerances: 0.0 };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, .. } = finder.find(study, judge, base, found)?;
-    let fits = finder.fits(study);
+    let fits = finder.unhurried(study);
     let white = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     let colored = if white { None } else { colored::noises(&fits, judge, &model) };
     if let Some(noises) = &colored {
@@ -138,7 +138,7 @@ fn sought(
         return None;
     }
     if !complete && !most {
-        let is_part = law.named && law.share >= MIN_SHARE_OF_PART;
+        let is_part = law.named && law.share >= MIN_SHARE_OF_PART && !for_noise;
         held.part = is_part.then_some(model);
         return None;
     }
@@ -158,18 +158,28 @@ fn sought(
             found.notes.push(note);
             return None;
         }
-        for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
-            (effect.selected, effect.group) = (false, None);
-            effect.reason =
-                format!("a law at {} takes away {:.0} % of the error", law.port, 100.0 * law.share);
-        }
+    }
+    // Noise that is not white is told of where the answer is finished.
+    put_alone(found, (&fits, judge, &model), law, after, white);
+    Some(model)
+}
+
+/// Puts a law into an answer in place of its effects; see [`put`].
+pub(super) fn put_alone(
+    found: &mut Answer,
+    model: (&Fits, &Judge, &Model),
+    law: Law,
+    after: [Errors; 2],
+    complete: bool,
+) {
+    for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+        (effect.selected, effect.group) = (false, None);
+        effect.reason = format!("a law at {} takes away {:.0} % of the error", law.port, 100.0 * law.share);
     }
     found.unexplained = Some((law.place.clone(), law.variables.clone()));
     found.verdict = Verdict::Law;
     found.share = Some(law.share);
-    // Noise that is not white is told of where the answer is finished.
-    put(found, (&fits, judge, &model), law, after, white);
-    Some(model)
+    put(found, model, law, after, complete);
 }
 
 /// Puts a law into an answer with what the model that has it leaves; `complete`: nothing but noise. Verdict and share
@@ -330,7 +340,7 @@ impl Finder<'_> {
         answer: &Answer,
     ) -> Option<Outcome> {
         let model = extended(&found.model, study);
-        let (mut model, mut fits) = (model, Fits { quick: false, ..self.fits(study) });
+        let (mut model, mut fits) = (model, self.unhurried(study));
         if self.aim.is_share() {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);

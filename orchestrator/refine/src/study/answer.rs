@@ -28,6 +28,7 @@ use crate::engine::stop;
 use crate::evidence::{Evidence, study as evidence};
 use crate::explained;
 use crate::law::beside;
+use crate::law::extent::Extent;
 use crate::law::found::told as sentences;
 use crate::law::listed;
 use crate::law::study::{self as law, Aim};
@@ -164,6 +165,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
             let without = found.clone();
+            let before = Extent::of(&study);
             let in_place = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
             let mut law = in_place.law;
             // One that takes the place of effects and leaves more than noise may only be their sum with another.
@@ -176,6 +178,10 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
                 if beside.is_some() && (law.is_none() || both.complete) {
                     (found, law) = (both, beside);
                 }
+            }
+            // A part of a law beside which no effect was found.
+            if law.is_none() {
+                before.restore(&mut study);
             }
             let corrected = by_share.filter(|_| found.verdict != Verdict::Effect).map(|own| own.corrected);
             (selection, found, law, corrected)

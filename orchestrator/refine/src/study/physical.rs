@@ -4,6 +4,7 @@
 use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
+use super::ports::Kind;
 use crate::vocabulary::Own;
 
 /// Share of the samples from which on what pushes back is no end stop but a spring.
@@ -102,9 +103,13 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         Law::Coulomb | Law::Load if p.len() == 2 => against(
             p[1] <= MAX_SIGN_CHANGE * speed,
             format!(
-                "its sign would change over {} of {} {per_second}: that is viscous friction",
+                "its sign would change over {} of {} {per_second}: that is {}",
                 short(p[1]),
-                short(speed)
+                short(speed),
+                match study.taps[tap].attachment.port.map(|duty| duty.kind) {
+                    Some(Kind::Electrical) => "a resistance",
+                    _ => "viscous friction",
+                }
             ),
         ),
         // One below -1 is a wrong sign, no gain.

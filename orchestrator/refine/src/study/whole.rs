@@ -33,9 +33,10 @@ impl<'a> Whole<'a> {
     }
 }
 
-/// Candidates whose parameters are not all zero.
+/// Candidates whose parameters are not all zero; vectors from before a candidate came have none of it.
 pub fn active(study: &Study, p: &[f64]) -> Vec<usize> {
-    let acts = |&c: &usize| study.candidates[c].entries.clone().any(|index| p[index] != 0.0);
+    let is_set = |index: usize| p.get(index).is_some_and(|value| *value != 0.0);
+    let acts = |&c: &usize| study.candidates[c].entries.clone().any(is_set);
     (0..study.candidates.len()).filter(acts).collect()
 }
 
