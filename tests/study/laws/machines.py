@@ -1,4 +1,4 @@
-"""Declared models of the machines whose laws `make_machines.py` hides: a mass on a spring, an electronic oscillator, two tanks.
+"""Declared models of the machines whose laws `make_machines.py` hides: a mass on a spring, an electronic oscillator, one tank and two.
 
 Equations of the declared models stand in equations/NAME.h and become FMUs in C by ../third_party/fmu.py; the true machines are typed
 again in make_machines.py.
@@ -57,6 +57,18 @@ def cascade(values, ports):
         inputs,
         {name: (value, "1/s" if name == "c_p" else "1", 0.0) for name, value in values.items()},
         start={"h_1": 5.0, "h_2": 5.0},
+        short=False,
+    )
+
+
+def tank(values):
+    units = {"area": "m2", "c": "m2.5/s"}
+    return Declared(
+        "tank",
+        {"h": ("m", 0.3, "")},
+        {"q": ("m3/s", 2e-4)},
+        {name: (value, units[name], 0.0) for name, value in values.items()},
+        start={"h": 0.3},
         short=False,
     )
 

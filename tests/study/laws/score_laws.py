@@ -1,9 +1,10 @@
 """Runs `airloop refine` on the studies of make_laws.py, scores the laws against their truth, and compares with PySINDy on the residual
 force of the same records.
 
-A law is right when its rms difference from the truth over the states of the records is at most 2 % of the rms of the truth; a null is
-right when no law is named. States of a law are integrated along the true motion. The error left is that on the validation records
-over the noise there, which is what the true law leaves of the true machine.
+A law is right when its rms difference from the truth over the states of the records is at most 2 % of the rms of the truth, or when it is
+one that the list holds and effects in its place leave noise; a null is right when no law is named. States of a law are integrated
+along the true motion. The error left is that on the validation records over the noise there, which is what the true law leaves of the
+true machine.
 
     python score_laws.py AIRLOOP CASES REPORTS [--no-peers] [--only REGEX]
 """
@@ -137,10 +138,11 @@ def main():
         if truth["family"] == "null":
             right = report["verdict"] != "law"
         else:
-            right = report["verdict"] == "law" and error is not None and error <= RIGHT
+            listed = report["verdict"] == "effect" and report["complete"]
+            right = listed or report["verdict"] == "law" and error is not None and error <= RIGHT
         formula = (report["law"] or {}).get("formula") if report.get("law") else None
         named = ",".join(e["id"] for e in report["effects"] if e["selected"])
-        after = report["residual"]["validation"]["rms_after"].get("angle", float("nan"))
+        (after,) = report["residual"]["validation"]["rms_after"].values()
         left = after / truth["floor"]
         if truth["family"] != "null":
             lefts.append(left)

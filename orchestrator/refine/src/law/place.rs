@@ -26,6 +26,9 @@ pub(super) const MAX_ERROR_WITHOUT_SECOND: f64 = 1.2;
 pub(super) const SCREENING_KNOTS: usize = 10;
 pub(super) const CURVE_KNOTS: usize = 20;
 pub(super) const SURFACE_KNOTS: usize = 6;
+/// The same in time, where a law may swing some times within a record.
+const SCREENING_KNOTS_IN_TIME: usize = 24;
+const CURVE_KNOTS_IN_TIME: usize = 40;
 /// Weight of the gain of a form over the value that passes.
 const WEIGHT_OF_VALUE: f64 = 0.5;
 /// Share of the best variable's gain from which on another is looked at closely.
@@ -93,7 +96,7 @@ impl Finder<'_> {
         (self.say)("free forms at the ports");
         let mut singles = Vec::new();
         for (tap, variable) in places(study) {
-            let count = if variable == Variable::Time { 16 } else { SCREENING_KNOTS };
+            let count = if variable == Variable::Time { SCREENING_KNOTS_IN_TIME } else { SCREENING_KNOTS };
             let Some(knots) = self.knots(study, tap, variable, count) else { continue };
             let surface = Surface::new(vec![variable], vec![knots]);
             if let Some(form) = self.form(study, declared, tap, surface) {
@@ -281,7 +284,7 @@ impl Finder<'_> {
         declared: &Model,
         (tap, variable): (usize, Variable),
     ) -> Option<FreeForm> {
-        let count = if variable == Variable::Time { 30 } else { CURVE_KNOTS };
+        let count = if variable == Variable::Time { CURVE_KNOTS_IN_TIME } else { CURVE_KNOTS };
         let knots = self.knots(study, tap, variable, count)?;
         let surface = Surface::new(vec![variable], vec![knots]);
         let form = self.form(study, declared, tap, surface)?;

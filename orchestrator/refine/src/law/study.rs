@@ -33,6 +33,8 @@ use crate::vocabulary::Own;
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of the error on validation records that a law has to take away where it leaves more than noise.
 const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
+/// Error over that of noise up to which a law in time need not leave what is told from noise.
+const MAX_FLOORS_OF_LAW_IN_TIME: f64 = 1.15;
 /// Share of the error on validation records from which on a law needs no parameter corrected beside it.
 const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
 /// Power above noise that the declared model with corrections leaves, over that without, below which no law is looked
@@ -132,7 +134,9 @@ fn sought(
     }
     let complete = white || colored.is_some();
     // A residual of many small causes looks like something in time, or takes some of any shape.
-    let most = law.share >= MIN_SHARE_ABOVE_NOISE && !law.variables.iter().any(|name| name == "time");
+    let in_time = law.variables.iter().any(|name| name == "time");
+    let near_noise = judge.floors(model.error.powi(2)) < MAX_FLOORS_OF_LAW_IN_TIME;
+    let most = law.share >= MIN_SHARE_ABOVE_NOISE && (!in_time || near_noise);
     let for_noise = matches!(aim, Aim::Noise { .. });
     if for_noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
         return None;
