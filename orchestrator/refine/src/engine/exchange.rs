@@ -97,11 +97,7 @@ impl Run<'_> {
 
     /// Models with one more candidate than `base`, compared with it on what is held out.
     fn judged(&self, base: &Model, models: Vec<(usize, Model)>, weights: &Weights) -> Vec<Tried> {
-        let q = self.question;
-        let error_of = |own: &Model| {
-            let p = q.without_corrections(&own.fit.parameters, &own.added);
-            self.error_at(weights, &p, &own.fit.locals)
-        };
+        let error_of = |own: &Model| self.error_without_corrections(weights, own);
         let (before, left) = (error_of(base), self.held_out_error(weights, base));
         let one = |(candidate, model): (usize, Model)| {
             let error = self.held_out_error(weights, &model);

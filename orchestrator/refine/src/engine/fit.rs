@@ -3,7 +3,7 @@
 //! Derivatives cost several times what residuals cost, so they serve for several steps as long as these gain what they
 //! promise.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 
 use super::normal::{Normal, cost, gradients, residuals};
 use super::{System, parallel, stop};
@@ -61,6 +61,10 @@ const MIN_GAIN_OVER_PROMISE: f64 = 0.8;
 /// Renewals of the derivatives after a refused step, for each round of a fit at most: they count as no rounds, and in a
 /// winding valley they have no end.
 const MAX_RENEWALS_PER_ROUND: usize = 4;
+/// Eigenvalue of scaled normal equations, over the largest, below which a direction is not determined.
+const MIN_EIGENVALUE: f64 = 1e-11;
+/// Share of a parameter in such directions from which on it is not determined.
+const MAX_SHARE_LEFT_OPEN: f64 = 1e-6;
 /// Gain that new derivatives may still promise when the old ones gain nothing more.
 const MIN_PROMISE_OF_NEW_JACOBIAN: f64 = 0.02;
 
@@ -234,6 +238,31 @@ pub(super) fn predicted(matrix: &DMatrix<f64>, right: &DVector<f64>, step: &DVec
     2.0 * step.dot(right) - (matrix * step).dot(step)
 }
 
+/// Inverse of a symmetric matrix with a unit diagonal over the directions that it determines; no numbers in the rows
+/// and columns of what it leaves open.
+fn determined(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let n = matrix.nrows();
+    if matrix.iter().any(|own| !own.is_finite()) {
+        return DMatrix::from_element(n, n, f64::NAN);
+    }
+    let own = SymmetricEigen::new(matrix);
+    let least = MIN_EIGENVALUE * own.eigenvalues.amax();
+    let mut inverse = DMatrix::zeros(n, n);
+    let mut open = DVector::<f64>::zeros(n);
+    for (value, vector) in own.eigenvalues.iter().zip(own.eigenvectors.column_iter()) {
+        if *value > least {
+            inverse += vector * vector.transpose() / *value;
+        } else {
+            open += vector.component_mul(&vector);
+        }
+    }
+    for i in (0..n).filter(|&i| open[i] > MAX_SHARE_LEFT_OPEN) {
+        inverse.row_mut(i).fill(f64::NAN);
+        inverse.column_mut(i).fill(f64::NAN);
+    }
+    inverse
+}
+
 /// Covariance of the first `ng` parameters; those held have none.
 fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
     let open: Vec<usize> = (0..matrix.nrows()).filter(|&i| !held.get(i).copied().unwrap_or(false)).collect();
@@ -244,9 +273,7 @@ fn covariance(matrix: &DMatrix<f64>, ng: usize, held: &[bool]) -> DMatrix<f64> {
     let scaled = DMatrix::from_fn(open.len(), open.len(), |a, b| {
         part[(a, b)] / (scale[a] * scale[b]) + if a == b { 1e-12 } else { 0.0 }
     });
-    let Some(inverse) = Cholesky::new(scaled).map(|factor| factor.inverse()) else {
-        return found.add_scalar(f64::NAN);
-    };
+    let inverse = Cholesky::new(scaled.clone()).map_or_else(|| determined(scaled), |own| own.inverse());
     for (a, &i) in open.iter().enumerate().filter(|(_, i)| **i < ng) {
         for (b, &j) in open.iter().enumerate().filter(|(_, j)| **j < ng) {
             found[(i, j)] = inverse[(a, b)] / (scale[a] * scale[b]);
@@ -294,6 +321,15 @@ mod tests {
         }
         let residuals = residuals(&system, &[0, 1], &[3.0, 0.0], &found.locals);
         assert!((cost(&[3.0, 0.0], &[], &residuals) / found.chi2 - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_equations_leave_open_leaves_the_rest_its_covariance() {
+        // The first two parameters only as a sum, the third by itself.
+        let matrix = DMatrix::from_row_slice(3, 3, &[4.0, 4.0, 0.0, 4.0, 4.0, 0.0, 0.0, 0.0, 25.0]);
+        let found = determined(matrix.map_with_location(|i, j, own| own / (matrix[(i, i)] * matrix[(j, j)]).sqrt()));
+        assert!(found[(0, 0)].is_nan() && found[(1, 1)].is_nan(), "{found}");
+        assert!((found[(2, 2)] - 1.0).abs() < 1e-12, "{found}");
     }
 
     #[test]

@@ -124,6 +124,8 @@ pub(super) const REFINEMENT_ROUNDS: usize = 4;
 /// Fits under the weights of the fit before, and the ratio of their errors above which there is no further one.
 const MAX_REWEIGHTS: usize = 8;
 const MAX_ERROR_RATIO_OF_REWEIGHTS: f64 = 0.9;
+/// Share of a tolerance within which a correction stays that is taken back.
+const TOLERANCE_OF_TAKEN_BACK: f64 = 1e-3;
 /// Rounds of a fit of local parameters alone.
 const LOCAL_ROUNDS: usize = 3;
 /// Reason of a candidate that nothing else speaks against.
@@ -244,8 +246,34 @@ impl<'a> Run<'a> {
         self.with(weights, records, |search| search.fit(&[], &[], p, locals, LOCAL_ROUNDS)).fit.locals
     }
 
+    /// Parameters and local ones of a model whose corrections are taken back to what is declared, while those that are
+    /// always free follow: they may make up for one another.
+    pub(super) fn uncorrected(&self, weights: &Weights, model: &Model) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let q = self.question;
+        let fit = &model.fit;
+        let back = |own: &Correction| {
+            let prior = own.free.prior.map(|tolerance| TOLERANCE_OF_TAKEN_BACK * tolerance);
+            Free { prior, ..own.free }
+        };
+        let moved = |own: &&Correction| fit.parameters[own.free.index] != q.declared[own.free.index];
+        let corrections: Vec<Free> = q.corrections.iter().filter(moved).map(back).collect();
+        if q.always.is_empty() || corrections.is_empty() {
+            return (q.without_corrections(&fit.parameters, &model.added), fit.locals.clone());
+        }
+        let extra = [q.always, &corrections].concat();
+        let (p, locals) = (&fit.parameters, &fit.locals);
+        let own = self.with(weights, &q.records, |search| search.fit(&[], &extra, p, locals, ROUNDS)).fit;
+        (q.without_corrections(&own.parameters, &model.added), own.locals)
+    }
+
+    /// Error of a model on all records without its corrections.
+    pub(super) fn error_without_corrections(&self, weights: &Weights, model: &Model) -> f64 {
+        let (p, locals) = self.uncorrected(weights, model);
+        self.error_at(weights, &p, &locals)
+    }
+
     /// Error at `p` on all records, with the local parameters that fit best.
-    pub(super) fn error_at(&self, weights: &Weights, p: &[f64], locals: &[Vec<f64>]) -> f64 {
+    fn error_at(&self, weights: &Weights, p: &[f64], locals: &[Vec<f64>]) -> f64 {
         let q = self.question;
         q.held_out.error_from(p, &q.records, &self.localized(weights, &q.records, p, locals))
     }

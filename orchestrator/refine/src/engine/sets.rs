@@ -209,10 +209,7 @@ impl Run<'_> {
         let extra = model.added.len().saturating_sub(best.added.len()).max(1);
         let share = (base_error - error) / self.whole_error;
         // As for one effect: several corrections together could do much of what the set does, or it of what they do.
-        let error_of = |own: &Model| {
-            let p = q.without_corrections(&own.fit.parameters, &own.added);
-            self.error_at(&weights, &p, &own.fit.locals)
-        };
+        let error_of = |own: &Model| self.error_without_corrections(&weights, own);
         let alone = 1.0 - error_of(&model) / error_of(&base);
         // Effects that no accepted one is among stand by nothing but each other and the corrections.
         let stands = model.added.iter().any(|c| best.added.contains(c))

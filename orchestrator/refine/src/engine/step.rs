@@ -17,9 +17,11 @@ impl Run<'_> {
     /// Candidates worth a fit among those that may join, with the parameters to start from.
     fn promising(&self, base: &Model, weights: &Weights, may_join: &dyn Fn(usize) -> bool) -> Vec<Promise> {
         let q = self.question;
+        let (parameters, locals) = self.uncorrected(weights, base);
         let held = Model {
             fit: Fit {
-                parameters: q.without_corrections(&base.fit.parameters, &base.added),
+                parameters,
+                locals: locals.clone(),
                 free: base
                     .added
                     .iter()
@@ -38,7 +40,7 @@ impl Run<'_> {
             [distinct(search.screen_some(base, &unchanged)), distinct(search.screen_some(&held, &may))]
         });
         let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
-        let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| base.fit.locals[i].clone()).collect();
+        let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| locals[i].clone()).collect();
         let errors = parallel::map(without.len(), |i| {
             q.held_out.error_from(&without[i].parameters, &records, &locals)
         });
@@ -113,8 +115,7 @@ impl Run<'_> {
         let base = self.fit(&weights, &base.added, &base.fit.parameters, &base.fit.locals, REFINEMENT_ROUNDS);
         let base_error = self.held_out_error(&weights, &base);
         let base_fitted = self.fitted_error(&base);
-        let uncorrected = q.without_corrections(&base.fit.parameters, &base.added);
-        let before = self.error_at(&weights, &uncorrected, &base.fit.locals);
+        let before = self.error_without_corrections(&weights, &base);
         let mut tried: Vec<Tried> = Vec::new();
         for (rank, (error, model)) in fitted.into_iter().enumerate() {
             let candidate = model.added[model.added.len() - 1];
@@ -134,13 +135,12 @@ impl Run<'_> {
             if let Some(same) = q.same(candidate).filter(|_| again) {
                 reference = self.without(&base, same, &weights);
             }
-            let p = q.without_corrections(&model.fit.parameters, &model.added);
             let mut own = Tried {
                 candidate,
                 gain: reference.0 - model.fit.chi2,
                 held_out: (reference.1 - error) / self.declared_error,
                 error,
-                alone: 1.0 - self.error_at(&weights, &p, &model.fit.locals) / before,
+                alone: 1.0 - self.error_without_corrections(&weights, &model) / before,
                 model,
                 rejected: None,
             };

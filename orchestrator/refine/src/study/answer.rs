@@ -197,7 +197,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     };
     if let Some((model, law)) = with_law.as_ref().zip(found.law.as_ref()) {
         let fits = Fits::new(&study, scale.clone());
-        let mut told = notes(&fits, &selection, model, (&found.after[1], &found.floor[1]));
+        let printed = [&found.parameters[0][..], &found.parameters[1]];
+        let mut told = notes(&fits, &selection, (model, printed), (&found.after[1], &found.floor[1]));
         told.extend(remarks::noise(&judge, model));
         told.extend(sentences(law));
         found.notes = told;
@@ -218,7 +219,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
-    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
+    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study))
+        || explained::refuse_what_may_be_nothing(&mut found, &first_place(&study));
     if refused {
         found.fitted = fitted(&study, &found.parameters[0]);
     }

@@ -75,7 +75,7 @@ pub(super) fn assemble(
     }
     if chosen {
         as_printed(study, selection, &best, &mut effects);
-        let shares = stop::finish(|| alone(fits, selection, &before[1], &of_declared));
+        let shares = stop::finish(|| alone(fits, selection, [&declared, &best], (&before[1], &of_declared)));
         for (effect, share) in effects.iter_mut().filter(|effect| effect.selected).zip(shares) {
             effect.share = Some(share);
             effect.reason = if share > 0.0 {
@@ -125,7 +125,8 @@ pub(super) fn assemble(
     }
     let model = shown.model;
     let floor = [floor(fits, model, Role::Estimation, seed), shown.floor];
-    let mut notes = notes(fits, selection, model, (&shown.errors[1], &floor[1]));
+    let printed = [&declared[..], &shown.parameters];
+    let mut notes = notes(fits, selection, (model, printed), (&shown.errors[1], &floor[1]));
     notes.extend(remarks::noise(judge, model));
     notes.extend(remarks::leftover(fits, judge, model, &rest));
     let unexplained = (verdict == Verdict::Unexplained)
@@ -158,10 +159,11 @@ pub(super) fn assemble(
 }
 
 /// Sentences on the study and on what a model leaves; its `errors` on validation records and what noise gives there.
+/// `printed`: parameter vectors without and with the answer.
 pub(super) fn notes(
     fits: &Fits,
     selection: &Selection,
-    shown: &Model,
+    (shown, printed): (&Model, [&[f64]; 2]),
     (errors, floor): (&Errors, &BTreeMap<String, f64>),
 ) -> Vec<String> {
     let study = fits.study;
@@ -171,7 +173,7 @@ pub(super) fn notes(
             "Simulations of the search that lost an FMU count as impossible. The first was lost so: {loss}."
         )
     }));
-    notes.extend(remarks::remarks(fits, selection, shown));
+    notes.extend(remarks::remarks(fits, selection, shown, printed));
     for output in &study.outputs {
         let left = errors.rms.get(&output.name).copied().unwrap_or(0.0);
         let times = left / floor.get(&output.name).copied().unwrap_or(output.noise);

@@ -81,12 +81,14 @@ pub(crate) fn parameters(study: &Study, model: &Model, c: usize, widen: f64) -> 
             slopes[a] = (physical(study, c, &moved)[k] - value) / free.step;
         }
         let mut variance = 0.0;
-        for a in 0..slopes.len() {
-            for b in 0..slopes.len() {
+        let matters = |a: &usize| slopes[*a] != 0.0;
+        for a in (0..slopes.len()).filter(matters) {
+            for b in (0..slopes.len()).filter(matters) {
                 variance += slopes[a] * model.fit.covariance[(a, b)] * slopes[b];
             }
         }
-        let half = 1.96 * widen * variance.max(0.0).sqrt();
+        // Not a number where the records do not determine it.
+        let half = 1.96 * widen * if variance < 0.0 { 0.0 } else { variance.sqrt() };
         let name = entry.name.rsplit(' ').next().unwrap_or(&entry.name).to_owned();
         Parameter { name, unit: entry.unit.clone(), value: *value, interval: (value - half, value + half) }
     });

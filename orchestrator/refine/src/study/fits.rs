@@ -8,6 +8,7 @@ use super::declaration::{Initial, InitialWord, Role};
 use super::integration;
 use super::law::Point;
 use super::model::Study;
+use super::physical::physical;
 use super::remembered::Remembered;
 use super::simulate::{Piece, View};
 use crate::engine::System;
@@ -314,7 +315,13 @@ impl<'a> Fits<'a> {
         }
         let records: Vec<usize> = (0..pieces.len()).collect();
         let view = View { corrected: false, ..self.view(&model.added, &pieces) };
-        fit(&view, &records, &model.fit.parameters, &self.free(&model.added), &model.fit.locals, 6)
+        let (p, free, locals) = (&model.fit.parameters, self.free(&model.added), &model.fit.locals);
+        let own = Model { fit: fit(&view, &records, p, &free, locals, 6), ..model.clone() };
+        // An effect may lose its shape where smoothing spoils the states that simulations start from.
+        if physical(self.study, &own) || !physical(self.study, model) {
+            return own.fit;
+        }
+        fit(&view, &records, p, &free, locals, 0)
     }
 
     /// The same model fitted until nothing moves: long free motions have narrow valleys.

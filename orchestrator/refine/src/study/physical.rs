@@ -22,6 +22,8 @@ const MIN_STEPS_OF_A_RANGE: f64 = 10.0;
 /// Largest gain error of a sensor.
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
+/// Least force of an end stop's stiffness over the whole travel, over that of its damping at the largest speed.
+const MIN_PUSH: f64 = 0.01;
 /// Share of the largest velocity over which Coulomb friction may change its sign.
 const MAX_SIGN_CHANGE: f64 = 0.2;
 
@@ -82,7 +84,8 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         Law::EndStop | Law::LowerStop => against(
             reached(study, model, tap, Stop { at: p[2], upper: law == Law::EndStop }),
             format!("at {} {unit} it would not end the motion: {}", short(p[2]), positions()),
-        ),
+        )
+        .or_else(|| against(p[0] * travel > MIN_PUSH * p[1] * speed, "it would not push back".into())),
         Law::Limits => {
             let (below, above) = (p[0], p[1]);
             let apart = (below + above).abs() > MIN_ASYMMETRY * below.abs().max(above.abs());

@@ -42,14 +42,19 @@ pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -
     found
 }
 
-/// Sentences on declared parameters, and on other records.
-pub(super) fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<String> {
+/// Sentences on declared parameters, and on other records; `printed`: parameter vectors without and with the answer.
+pub(super) fn remarks(
+    fits: &Fits,
+    selection: &Selection,
+    after: &Model,
+    printed: [&[f64]; 2],
+) -> Vec<String> {
     let study = fits.study;
     let before = &selection.declared;
     let chosen = !after.added.is_empty();
     let mut found = Vec::new();
     for (index, entry) in study.entries[..study.declared].iter().enumerate() {
-        let (was, is) = (before.fit.parameters[index], after.fit.parameters[index]);
+        let [was, is] = printed.map(|p| p[index]);
         let unit = if entry.unit == "1" { String::new() } else { format!(" {}", entry.unit) };
         found.push(if chosen {
             format!(
@@ -71,8 +76,8 @@ pub(super) fn remarks(fits: &Fits, selection: &Selection, after: &Model) -> Vec<
             continue;
         }
         let piece = [Piece { record, range: 0..own.n }];
-        let error = |model: &Model| errors(fits, &model.added, &piece, &model.fit.parameters, None);
-        let (was, is) = (error(before), error(after));
+        let error = |model: &Model, p: &[f64]| errors(fits, &model.added, &piece, p, None);
+        let (was, is) = (error(before, printed[0]), error(after, printed[1]));
         for (signal, rms) in &was.rms {
             let after = is.rms.get(signal).copied().unwrap_or(f64::NAN);
             found.push(format!(

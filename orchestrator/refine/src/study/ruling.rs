@@ -59,18 +59,19 @@ pub(crate) fn share(
 }
 
 /// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes
-/// away without the others and without corrections, in the order in which they are printed.
+/// away without the others and without corrections, in the order in which they are printed. `printed`: parameter vectors
+/// of the declared model and of the answer.
 pub(super) fn alone(
     fits: &Fits,
     selection: &Selection,
-    before: &Errors,
-    floor: &BTreeMap<String, f64>,
+    printed: [&[f64]; 2],
+    (before, floor): (&Errors, &BTreeMap<String, f64>),
 ) -> Vec<f64> {
     let study = fits.study;
     let validation = pieces(study, Role::Validation);
-    let (declared, best) = (&selection.declared.fit.parameters, &selection.best.fit.parameters);
+    let [declared, best] = printed;
     let one = |added: &[usize], changed: Option<usize>| {
-        let mut p = declared.clone();
+        let mut p = declared.to_vec();
         let entries = added.iter().flat_map(|&c| study.candidates[c].entries.clone()).chain(changed);
         entries.chain(0..study.declared).for_each(|index| p[index] = best[index]);
         let after = errors(fits, added, &validation, &p, None);
