@@ -1,7 +1,7 @@
 //! Withdrawal of answers that validation records contradict: "nothing is missing" where the declared model explains no
 //! signal, or leaves what the estimation records do not show; effects and laws that leave more than half of a signal.
 
-use super::answer::{Answer, Effect, Verdict, WARNING};
+use super::answer::{Answer, Verdict, WARNING};
 
 /// Error over the spread of the measured signal from which on a model explains nothing of it.
 const MIN_NRMSE_OF_NO_MODEL: f64 = 0.9;
@@ -101,34 +101,9 @@ pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool 
         left.join(", "),
         100.0 * MIN_NRMSE_OF_NO_ANSWER
     ));
-    withdraw(found, place, "with it, more than half of a signal is left on validation records");
-    true
-}
-
-/// Takes an effect back that stands alone, leaves more than noise and may as well be nothing: the interval of what
-/// stands for its strength goes through zero. That of an end stop, whose stiffness a hard one leaves open, does not
-/// count. The residual has its place at `place`. Returns whether an answer was withdrawn.
-pub fn refuse_what_may_be_nothing(found: &mut Answer, place: &str) -> bool {
-    if found.verdict != Verdict::Effect || found.complete || found.law.is_some() || found.cylinder {
-        return false;
-    }
-    let selected: Vec<&Effect> = found.effects.iter().filter(|effect| effect.selected).collect();
-    let [effect] = selected[..] else { return false };
-    let Some(first) = effect.parameters.first().filter(|_| !effect.id.contains("endstop")) else { return false };
-    let (low, high) = first.interval;
-    if !(low < 0.0 && high > 0.0) {
-        return false;
-    }
-    let reason = format!("its {} may as well be zero on these records", first.name);
-    withdraw(found, place, &reason);
-    true
-}
-
-/// Takes effects and laws back.
-fn withdraw(found: &mut Answer, place: &str, reason: &str) {
     for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
         (effect.selected, effect.group) = (false, None);
-        reason.clone_into(&mut effect.reason);
+        "with it, more than half of a signal is left on validation records".clone_into(&mut effect.reason);
     }
     (found.verdict, found.complete, found.share) = (Verdict::Unexplained, false, None);
     found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
@@ -138,6 +113,7 @@ fn withdraw(found: &mut Answer, place: &str, reason: &str) {
     found.after = found.before.clone();
     found.parameters[1] = found.parameters[0].clone();
     found.left[1] = found.left[0].clone();
+    true
 }
 
 #[cfg(test)]

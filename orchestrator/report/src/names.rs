@@ -123,7 +123,7 @@ pub fn channel(name: &str) -> &str {
 pub fn variable(name: &str) -> &str {
     match name {
         "u" => "command u",
-        "F" => "pressure force F",
+        "F" => "force F",
         "x" => "position x",
         "xdot" => "speed xdot",
         "theta" => "angle theta",

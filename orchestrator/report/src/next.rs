@@ -28,6 +28,7 @@ pub fn advice(answer: &Answer) -> Vec<String> {
         let (channel, port) = names::place(place);
         let on = match &variables[..] {
             [] => "over the whole range of the motion, slowly and fast".to_owned(),
+            [one] if one == "time" => "of the same motion, begun at other times".to_owned(),
             [one] => format!(
                 "that move {} over its whole range while the other variables stay small or repeat",
                 names::variable(one)

@@ -7,7 +7,7 @@ use super::finder::Finder;
 use super::formula::{self, PRICE_PER_COMPLEXITY};
 use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
-use super::place::{CURVE_KNOTS, MAX_ERROR_OF_NOISE};
+use super::place::CURVE_KNOTS;
 use super::study::{Aim, Found, corrections, extended, push};
 use super::written::{curve_text, effect, read};
 use crate::answer::Answer;
@@ -41,6 +41,8 @@ const MAX_ERROR_OVER_FREE_FORM: f64 = 1.1;
 /// an answer leaves next to nothing of it.
 const MAX_EXCESS_OF_FREE_FORM: f64 = 0.5;
 
+/// Share of the held-out power above noise that a free form may leave and need no validation.
+const MAX_EXCESS_OF_SURE_FORM: f64 = 0.01;
 /// Share of the error on validation records that a free form takes away, below which no formula for it is fitted: it
 /// stands for something else in the estimation records. Less than a law needs: a formula goes on beyond the data better
 /// than a curve does.
@@ -105,9 +107,10 @@ impl Finder<'_> {
         if whole.error > self.max_error || leaves_much {
             return Ok(None);
         }
-        // One that leaves noise where it was held out fails beyond its knots only, where a formula need not.
-        let fails = form.at.smooth.held_out > MAX_ERROR_OF_NOISE * self.noise;
-        if fails && self.validated(study, answer, whole) < MIN_VALIDATED_SHARE_OF_FREE_FORM {
+        // One that leaves next to nothing where it was held out fails beyond its knots only, where a formula need not.
+        let whole_excess = form.at.smooth.without - self.noise;
+        let is_sure = form.excess(self.noise) < MAX_EXCESS_OF_SURE_FORM * whole_excess;
+        if !is_sure && self.validated(study, answer, whole) < MIN_VALIDATED_SHARE_OF_FREE_FORM {
             return Err(Refuted);
         }
         let place = Place { form, whole, axes: &axes, units: &units };
@@ -329,7 +332,7 @@ impl Finder<'_> {
                 study.candidates[c].starts = own.starts();
                 let base = extended(declared, study);
                 for index in study.candidates[c].entries.clone() {
-                    let step = self.fits(study).step(&base, c, index);
+                    let step = self.fits(study).step(&base, c, index, &[]);
                     study.entries[index].free.step = step.unwrap_or(1e-6);
                     let first = study.candidates[c].entries.start;
                     if own.parameters[index - first].name == "s" {

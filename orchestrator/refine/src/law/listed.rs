@@ -78,9 +78,11 @@ struct Target<'a> {
     values: Vec<f64>,
     /// Friction needs no Coulomb friction beside it that tells where it changes its sign.
     alone: bool,
+    /// Effects beside which the law stands: candidates.
+    beside: &'a [usize],
 }
 
-/// Effects of the list at the port of a law that do as well as it, with the model of the answer in `found`: a selection
+/// Effects of the list at the port of a law that do as well as it, beside those that stand beside it, with the model of the answer in `found`: a selection
 /// in place of the law. `declared`: the model without it.
 pub fn in_place_of(
     study: &Study,
@@ -91,7 +93,7 @@ pub fn in_place_of(
     say: Say,
 ) -> Option<Selection> {
     let law = found.law.as_ref()?;
-    let &[c] = &with_law.added[..] else { return None };
+    let (&c, beside) = with_law.added.split_last()?;
     let Action::Block { law: Law::Own(index), tap } = study.candidates[c].action else { return None };
     if stop::asked() {
         return None;
@@ -104,7 +106,7 @@ pub fn in_place_of(
     let fits = Fits { corrections: corrections.clone(), ..Fits::new(study, units) };
     let reference = fits.fit_from(with_law.added.clone(), &with_law.fit.parameters, &with_law.fit.locals)?;
     let values = &with_law.fit.parameters[study.candidates[c].entries.clone()];
-    let target = Target::new(&fits, &reference, tap, &study.own[index], values)?;
+    let target = Target { beside, ..Target::new(&fits, &reference, tap, &study.own[index], values)? };
     let known = if law.named { values.len() } else { PARAMETERS_OF_CURVE };
     let best = target.fitted(&fits, &reference, c, known)?;
     // Records that took no part have the last word.
@@ -161,7 +163,7 @@ impl<'a> Target<'a> {
         }
         let known = values.iter().all(|value| value.is_finite()) && values.iter().any(|value| *value != 0.0);
         let alone = own.formula.contains(SIGN_CHANGE);
-        known.then_some(Target { study, tap, points, values, alone })
+        known.then_some(Target { study, tap, points, values, alone, beside: &[] })
     }
 
     /// The fewest effects whose fit in simulation does as well as the law; `c`: its candidate, `known`: its parameters.
@@ -181,8 +183,9 @@ impl<'a> Target<'a> {
                     let entries = study.candidates[part.candidate].entries.clone();
                     entries.zip(&part.p).for_each(|(index, value)| p[index] = *value);
                 }
-                let added: Vec<usize> = set.iter().map(|part| part.candidate).collect();
-                let parameters: usize = added.iter().map(|&c| study.candidates[c].entries.len()).sum();
+                let own = || set.iter().map(|part| part.candidate);
+                let parameters: usize = own().map(|c| study.candidates[c].entries.len()).sum();
+                let added: Vec<usize> = self.beside.iter().copied().chain(own()).collect();
                 let Some(model) = fits.fit_from(added, &p, &reference.fit.locals) else { continue };
                 let ratio = model.error / reference.error;
                 let as_good = ratio <= MAX_ERROR_OVER_LAW || ratio.ln() + price(parameters) <= 0.0;
@@ -241,17 +244,18 @@ impl<'a> Target<'a> {
     /// Whether a set holds what its effects need.
     fn complete(&self, set: &[Part]) -> bool {
         let needs = |part: &Part| self.study.candidates[part.candidate].needs;
-        self.alone || set.iter().filter_map(needs).all(|needed| set.iter().any(|own| own.candidate == needed))
+        let is_there = |c: usize| self.beside.contains(&c) || set.iter().any(|own| own.candidate == c);
+        self.alone || set.iter().filter_map(needs).all(is_there)
     }
 
     /// Effects at the port, with every shape to start from.
     fn parts(&self) -> Vec<Part> {
         let own = self.study.candidates.iter().enumerate();
-        let here = own.filter(|(_, own)| {
+        let here = own.filter(|(c, own)| {
             let Action::Block { law, tap } = own.action else { return false };
             let with_memory = matches!(law, Law::Memory(_) | Law::Presliding);
             let made = matches!(law, Law::Own(_) | Law::Surface(_) | Law::Shape(_));
-            tap == self.tap && !own.probe && !with_memory && !made
+            tap == self.tap && !own.probe && !with_memory && !made && !self.beside.contains(c)
         });
         let starts = here.flat_map(|(candidate, own)| own.starts.iter().map(move |p| (candidate, p)));
         let linear = starts.filter(|(_, p)| p.contains(&0.0));

@@ -3,7 +3,7 @@
 use super::exact::Refuted;
 use super::finder::Finder;
 use super::free_form::FreeForm;
-use super::study::{Found, Outcome};
+use super::study::{Found, Outcome, scaled};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;
@@ -46,8 +46,11 @@ const MAX_OTHER_PORTS: usize = 2;
 const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 /// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
+/// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much: they cost
+/// many simulations, and a machine of many small causes leaves some of every kind.
+const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 10.0;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
-pub(super) const MAX_ERROR_OF_NOISE: f64 = 2.0;
+const MAX_ERROR_OF_NOISE: f64 = 2.0;
 /// Ratio of the power above noise that a law with a memory leaves to the least without one, below which it is taken.
 const MAX_EXCESS_WITH_MEMORY: f64 = 0.36;
 
@@ -206,7 +209,10 @@ impl Finder<'_> {
         let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
         let explained = law.as_ref().is_some_and(|own| self.explains(study, judge, &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
-        let memory = if most_is_left && !explained && !stop::asked() {
+        let left_by_effects = scaled(study, self.scale, &answer.after[0].rms);
+        let floors = judge.floors(left_by_effects.min(left.error).powi(2));
+        let much = floors > MIN_FLOORS_FOR_MEMORY_OF_EFFECTS;
+        let memory = if most_is_left && !explained && (self.wide || much) && !stop::asked() {
             // Friction with a memory passes for the usual one: then it is where that was found.
             let named = law.iter().map(|own| Some(study.taps[own.tap].name.clone()));
             let selected = answer.effects.iter().filter(|effect| effect.selected);

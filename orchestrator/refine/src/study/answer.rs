@@ -188,8 +188,6 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         }
     };
     let (selection, with_law) = match with_law {
-        // An effect of the list beside another one is the search's own affair.
-        Some(law) if found.verdict == Verdict::Effect => (selection, Some(law)),
         Some(law) => {
             listed_instead(&mut study, &scale, &judge, (selection, law), &mut found, (settings, say))
         }
@@ -219,8 +217,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
-    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study))
-        || explained::refuse_what_may_be_nothing(&mut found, &first_place(&study));
+    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
     if refused {
         found.fitted = fitted(&study, &found.parameters[0]);
     }
@@ -294,7 +291,8 @@ fn listed_instead(
         let listed = Selection { singles: selection.singles.clone(), ..listed };
         say("errors on all records");
         let answer = assemble(&Fits::new(study, scale.to_vec()), judge, &listed, None, settings);
-        (answer.verdict == Verdict::Effect).then_some((listed, answer))
+        let stands = answer.verdict == Verdict::Effect && answer.complete >= found.complete;
+        stands.then_some((listed, answer))
     });
     let Some((listed, mut answer)) = better else {
         if let Some((tap, vt)) = usual {
@@ -456,7 +454,7 @@ fn steps(study: &mut Study, scale: &[f64], declared: &Fit) -> Model {
                 if own.probe {
                     return vec![fits.probe_step(&base, c); own.entries.len()];
                 }
-                own.entries.clone().map(|index| fits.step(&base, c, index)).collect()
+                fits.steps(&base, c)
             })
             .collect()
     };

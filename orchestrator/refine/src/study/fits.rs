@@ -6,8 +6,8 @@ use std::sync::Arc;
 use super::beside::Around;
 use super::declaration::{Initial, InitialWord, Role};
 use super::integration;
-use super::law::Point;
-use super::model::Study;
+use super::law::{Law, Point};
+use super::model::{Action, Study};
 use super::physical::physical;
 use super::remembered::Remembered;
 use super::simulate::{Piece, View};
@@ -28,6 +28,8 @@ const MAX_ERROR_OF_SECOND_ORDER: f64 = 1e-3;
 const SPANS_PER_RECORD: usize = 4;
 /// Step of a parameter from which the search for its difference step begins.
 const FIRST_STEP: f64 = 1e-3;
+/// Difference steps by which the other entries of an effect of one's own are moved for one that matters beside them.
+const STEPS_TO_WORK: f64 = 300.0;
 
 /// The declared model with some candidates, fitted.
 #[derive(Debug, Clone)]
@@ -405,8 +407,27 @@ impl<'a> Fits<'a> {
         Some((rms(test.chi2, self.count(inside)), found.parameters))
     }
 
+    /// Difference steps of all entries of a candidate that move the residuals by a thousandth; none where nothing moves
+    /// them. An entry of an effect of one's own may matter only where others of it are not zero.
+    pub fn steps(&self, base: &Model, c: usize) -> Vec<Option<f64>> {
+        let own = &self.study.candidates[c];
+        let found: Vec<Option<f64>> =
+            own.entries.clone().map(|index| self.step(base, c, index, &[])).collect();
+        let is_own = matches!(own.action, Action::Block { law: Law::Own(_), .. });
+        if !is_own || found.iter().all(Option::is_some) {
+            return found;
+        }
+        let at_work = own.entries.clone().zip(&found);
+        let at_work: Vec<(usize, f64)> =
+            at_work.filter_map(|(index, step)| Some((index, STEPS_TO_WORK * (*step)?))).collect();
+        let again =
+            |(index, step): (usize, &Option<f64>)| step.or_else(|| self.step(base, c, index, &at_work));
+        own.entries.clone().zip(&found).map(again).collect()
+    }
+
     /// Difference step of an entry of a candidate that moves the residuals by a thousandth; none if nothing moves them.
-    pub fn step(&self, base: &Model, c: usize, index: usize) -> Option<f64> {
+    /// `moved`: changes of other entries from their starts.
+    pub fn step(&self, base: &Model, c: usize, index: usize, moved: &[(usize, f64)]) -> Option<f64> {
         let own = &self.study.candidates[c];
         let mut added = base.added.clone();
         added.extend(own.needs.filter(|needs| !added.contains(needs)));
@@ -418,6 +439,7 @@ impl<'a> Fits<'a> {
             let start = &own.starts[own.starts.len() / 2];
             own.entries.clone().zip(start).for_each(|(index, value)| p[index] = *value);
         }
+        moved.iter().for_each(|(index, change)| p[*index] += change);
         if p[index] != 0.0 {
             return Some(1e-3 * p[index].abs());
         }

@@ -69,7 +69,10 @@ pub(super) fn remarks(
     let idle: Vec<String> =
         selection.singles.iter().filter(idle).map(|model| study.candidates[model.added[0]].name()).collect();
     if !idle.is_empty() {
-        found.push(format!("Fitted alone to the declared model, these gain nothing: {}.", idle.join(", ")));
+        found.push(format!(
+            "A first fit of these beside the declared model, near its parameters, gains nothing: {}.",
+            idle.join(", ")
+        ));
     }
     for (record, own) in study.records.iter().enumerate() {
         if own.role == Role::Estimation {
