@@ -82,8 +82,8 @@ struct Target<'a> {
     beside: &'a [usize],
 }
 
-/// Effects of the list at the port of a law that do as well as it, beside those that stand beside it, with the model of the answer in `found`: a selection
-/// in place of the law. `declared`: the model without it.
+/// Effects of the list at the port of a law that do as well as it, with the effects that it stands beside and the model
+/// of the answer in `found`: a selection in place of the law. `declared`: the model without it.
 pub fn in_place_of(
     study: &Study,
     scale: &[f64],

@@ -46,8 +46,8 @@ const MAX_OTHER_PORTS: usize = 2;
 const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 /// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
-/// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much: they cost
-/// many simulations, and a machine of many small causes leaves some of every kind.
+/// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much: they
+/// cost many simulations, and a machine of many small causes leaves some of every kind.
 const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 10.0;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
 const MAX_ERROR_OF_NOISE: f64 = 2.0;

@@ -129,6 +129,7 @@ pub(super) fn assemble(
     let mut notes = notes(fits, selection, (model, printed), (&shown.errors[1], &floor[1]));
     notes.extend(remarks::noise(judge, model));
     notes.extend(remarks::leftover(fits, judge, model, &rest));
+    notes.extend(by_share.and_then(|found| found.told.clone()));
     let unexplained = (verdict == Verdict::Unexplained)
         .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {

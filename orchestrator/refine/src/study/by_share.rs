@@ -8,6 +8,7 @@ use super::explain::{self, Judge};
 use super::fits::{self, Fits};
 use super::influence::{Influential, Singles, influential};
 use super::model::{Study, Target};
+use super::one_part;
 use super::physical::contradiction;
 use super::search::{Say, Selection};
 use super::simulate::Piece;
@@ -42,6 +43,8 @@ pub struct ByShare {
     pub beside_corrections: Option<fits::Model>,
     /// Candidates tried, step by step.
     pub steps: Vec<Step>,
+    /// A sentence on candidates that one part of the records alone bears out.
+    pub told: Option<String>,
     /// Channel and variable of a free form that takes away much more than the effects, and the share that it takes.
     pub free_form: Option<(String, Vec<String>, f64)>,
 }
@@ -78,7 +81,9 @@ impl Search<'_> {
     /// Searches from the fitted declared model beside what effects alone give.
     pub fn run(&self, exact: &Selection) -> ByShare {
         self.ask(exact, None, |question, known| {
-            answer(self.fits, &exact.declared, known, &forward_selection::search(question))
+            let found = forward_selection::search(question);
+            let told = one_part::told(self.fits.study, question, &pieces(self.fits).0, &found);
+            ByShare { told, ..answer(self.fits, &exact.declared, known, &found) }
         })
     }
 
@@ -140,7 +145,8 @@ impl Search<'_> {
             answer(self.fits, &found.selection.declared, known, &again)
         });
         let singles = found.selection.singles.clone();
-        ByShare { steps: found.steps.clone(), selection: Selection { singles, ..again.selection }, ..again }
+        let (steps, told) = (found.steps.clone(), found.told.clone());
+        ByShare { steps, told, selection: Selection { singles, ..again.selection }, ..again }
     }
 
     /// Parameters of the effects found, fitted from several values of one of them, or of one `more`.
@@ -332,6 +338,7 @@ fn answer(fits: &Fits, declared: &fits::Model, known: &[question::Correction], f
         weighted: true,
         beside_corrections: None,
         steps,
+        told: None,
         free_form,
     }
 }

@@ -48,6 +48,7 @@ pub mod names;
 pub mod noise;
 mod numbers;
 mod observability;
+mod one_part;
 pub mod open;
 mod periods;
 pub mod physical;

@@ -59,8 +59,8 @@ pub(crate) fn share(
 }
 
 /// Shares of the error on validation records that each effect of the answer, and then each changed parameter, takes
-/// away without the others and without corrections, in the order in which they are printed. `printed`: parameter vectors
-/// of the declared model and of the answer.
+/// away without the others and without corrections, in the order in which they are printed. `printed`: parameter
+/// vectors of the declared model and of the answer.
 pub(super) fn alone(
     fits: &Fits,
     selection: &Selection,
