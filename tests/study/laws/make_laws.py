@@ -231,8 +231,9 @@ def main():
             law = none if family == "null" else laws(family, size, rng)
             with np.errstate(all="ignore"):
                 rows, points, floor = records(system, law, 0.02 if messy else 1e-3, rng, messy, spread)
-            # Some laws drive the machine away.
-            if np.isfinite(points).all() and np.abs(np.array(points)[:, 0]).max() < 20 * X:
+            # Some laws drive the machine away, and some act nowhere.
+            x, f = np.abs(np.array(points)[:, [0, 3]]).max(axis=0)
+            if np.isfinite(points).all() and x < 20 * X and (family == "null" or f > 0.05 * size[2]):
                 break
         folder = args.folder / f"{i:03d}_{family}_{name}_{'messy' if messy else 'exact'}"
         folder.mkdir(parents=True, exist_ok=True)

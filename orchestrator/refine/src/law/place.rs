@@ -48,7 +48,7 @@ const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
 /// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much: they
 /// cost many simulations, and a machine of many small causes leaves some of every kind.
-const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 10.0;
+const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 5.0;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
 const MAX_ERROR_OF_NOISE: f64 = 2.0;
 /// Ratio of the power above noise that a law with a memory leaves to the least without one, below which it is taken.
