@@ -292,10 +292,10 @@ pub(super) fn corrections(study: &Study, most: f64) -> Vec<Free> {
 }
 
 /// Model for a parameter vector that has become longer.
-pub(super) fn extended(model: &Model, study: &Study) -> Model {
+pub(crate) fn extended(model: &Model, study: &Study) -> Model {
     let mut found = model.clone();
     let known = found.fit.parameters.len();
-    found.fit.parameters.extend(study.entries[known..].iter().map(|entry| entry.start));
+    found.fit.parameters.extend(study.entries.iter().skip(known).map(|entry| entry.start));
     found
 }
 

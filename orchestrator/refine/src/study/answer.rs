@@ -209,11 +209,13 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let (selection, mut found) = refitted.unwrap_or((selection, found));
     {
         let fits = Fits::new(&study, scale.clone());
-        let own = shown(&found, &selection, &corrected, &with_law);
+        // The search for a law may have made the study longer since.
+        let own = law::extended(shown(&found, &selection, &corrected, &with_law), &study);
         // What corrections within their tolerances take away is not missing either.
         let corrected = corrected.as_ref().filter(|_| found.verdict == Verdict::Unexplained);
-        let _ = colored::settle(&fits, &judge, own, &mut found)
-            || corrected.is_some_and(|own| colored::settle(&fits, &judge, own, &mut found));
+        let corrected = corrected.map(|own| law::extended(own, &study));
+        let _ = colored::settle(&fits, &judge, &own, &mut found)
+            || corrected.is_some_and(|own| colored::settle(&fits, &judge, &own, &mut found));
     }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
@@ -227,10 +229,11 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let fits = Fits::new(&study, scale);
     say("figures");
     let with_law = with_law.filter(|_| !refused);
-    let shown = shown(&found, &selection, &corrected, &with_law);
-    resolution::add(&fits, &selection, shown, &mut found);
-    let finer = if found.complete { None } else { integration::finer(&fits, shown) };
-    let evidence = evidence::gather(&fits, [&selection.declared, shown], &found);
+    let shown = law::extended(shown(&found, &selection, &corrected, &with_law), fits.study);
+    let declared = law::extended(&selection.declared, fits.study);
+    resolution::add(&fits, &selection, &shown, &mut found);
+    let finer = if found.complete { None } else { integration::finer(&fits, &shown) };
+    let evidence = evidence::gather(&fits, [&declared, &shown], &found);
     Ok(Attempt { found: (found, evidence), finer })
 }
 
