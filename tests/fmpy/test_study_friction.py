@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from command import ROOT
+from held import simulated
 from test_study import amended_has_printed_errors, named, refine
 
 THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
@@ -43,15 +44,7 @@ def motion(torque, friction):
     def rate(x, u):
         return np.array([x[1], (u - B * x[1] - friction(*x, u) * np.tanh(x[1] / W_C)) / J])
 
-    x, angles, h = np.zeros(2), [], STEP / FINE
-    for u in torque:
-        angles.append(x[0])
-        for _ in range(FINE):
-            a = rate(x, u)
-            b = rate(x + h / 2 * a, u)
-            c = rate(x + h / 2 * b, u)
-            x = x + h / 6 * (a + 2 * b + 2 * c + rate(x + h * c, u))
-    return np.array(angles)
+    return simulated(rate, np.zeros(2), torque, STEP, FINE)[:, 0]
 
 
 def study(folder, friction, seed):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from command import ROOT
+from held import simulated
 from test_study import amended_has_printed_errors, named, refine
 
 THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
@@ -72,15 +73,7 @@ def pressure(commands, width, off, leak_at=None):
             flow -= LEAK * np.exp(-(((p - leak_at) / LEAK_WIDTH) ** 2))
         return R_S * T_G / volume * (flow - leak * (p - P_A))
 
-    values, p, h = [], 1e5, STEP / FINE
-    for u in commands:
-        values.append(p)
-        for _ in range(FINE):
-            a = rate(p, u)
-            b = rate(p + h / 2 * a, u)
-            c = rate(p + h / 2 * b, u)
-            p += h / 6 * (a + 2 * b + 2 * c + rate(p + h * c, u))
-    return np.array(values)
+    return simulated(rate, 1e5, commands, STEP, FINE)
 
 
 def stairs(rng, low, high):

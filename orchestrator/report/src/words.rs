@@ -343,7 +343,9 @@ pub fn parameter_rows(answer: &Answer) -> Vec<Vec<String>> {
     let rows = answer.effects.iter().filter(|effect| effect.selected).chain(law).flat_map(|effect| {
         effect.parameters.iter().map(|p| {
             let half = 0.5 * (p.interval.1 - p.interval.0);
-            let [value, low, high] = [p.value, p.interval.0, p.interval.1].map(|v| rounded(v, half));
+            // Records that do not determine a parameter leave both ends open.
+            let end = |v: f64| if v.is_finite() { rounded(v, half) } else { "open".to_owned() };
+            let (value, low, high) = (rounded(p.value, half), end(p.interval.0), end(p.interval.1));
             vec![name(effect), p.name.clone(), value, low, high, p.unit.clone()]
         })
     });

@@ -247,7 +247,7 @@ impl<'a> Run<'a> {
     }
 
     /// Parameters and local ones of a model whose corrections are taken back to what is declared, while those that are
-    /// always free follow: they may make up for one another.
+    /// always free follow: they may make up for one another. One whose place an effect has taken is no correction.
     pub(super) fn uncorrected(&self, weights: &Weights, model: &Model) -> (Vec<f64>, Vec<Vec<f64>>) {
         let q = self.question;
         let fit = &model.fit;
@@ -255,8 +255,11 @@ impl<'a> Run<'a> {
             let prior = own.free.prior.map(|tolerance| TOLERANCE_OF_TAKEN_BACK * tolerance);
             Free { prior, ..own.free }
         };
-        let moved = |own: &&Correction| fit.parameters[own.free.index] != q.declared[own.free.index];
-        let corrections: Vec<Free> = q.corrections.iter().filter(moved).map(back).collect();
+        let is_moved = |own: &&Correction| {
+            let is_replaced = own.effect.is_some_and(|effect| model.added.contains(&effect));
+            !is_replaced && fit.parameters[own.free.index] != q.declared[own.free.index]
+        };
+        let corrections: Vec<Free> = q.corrections.iter().filter(is_moved).map(back).collect();
         if q.always.is_empty() || corrections.is_empty() {
             return (q.without_corrections(&fit.parameters, &model.added), fit.locals.clone());
         }
@@ -407,6 +410,17 @@ mod tests {
         (last, proposed): (&[usize], &[Proposed]),
         ask: impl FnOnce(&Question) -> Found,
     ) -> Found {
+        asked_with(system, tolerance, twin, (last, proposed, &[]), ask)
+    }
+
+    /// The same with parameters that are always free.
+    fn asked_with<T>(
+        system: &Wavy,
+        tolerance: f64,
+        twin: bool,
+        (last, proposed, always): (&[usize], &[Proposed], &[Free]),
+        ask: impl FnOnce(&Question) -> T,
+    ) -> T {
         let free = |index: usize| Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None };
         let candidate = |id: &'static str, index: usize| Candidate {
             id,
@@ -428,7 +442,7 @@ mod tests {
             candidates: &candidates,
             corrections: &corrections,
             declared: &[0.0; 3],
-            always: &[],
+            always,
             locals: vec![Vec::new(); 4],
             may_join: &|c, _| !last.contains(&c),
             last,
@@ -469,6 +483,24 @@ mod tests {
         let deviation = again.best.fit.covariance[(0, 0)].sqrt();
         assert!(distance(1) < 0.1 * deviation, "{} {deviation}", distance(1));
         assert!(again.base.added.is_empty() && again.base.fit.chi2 > again.best.fit.chi2);
+    }
+
+    #[test]
+    fn free_parameters_follow_corrections_that_are_taken_back() {
+        // The free slope and the corrected one do the same; with another value of it in its place nothing goes back.
+        let system = Wavy::new(40.0, 0.0, 0.0);
+        let always = [Free { index: 0, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
+        for (added, expected) in [(vec![], [40.0, 0.0]), (vec![1], [37.0, 3.0])] {
+            let (p, _) = asked_with(&system, 1.0, false, (&[], &[], &always), |question| {
+                let run = Run::new(question);
+                let weights = run.weights(question.declared, &question.locals);
+                let model = run.fit(&weights, &added, &[37.0, 0.0, 3.0], &question.locals, 0);
+                run.uncorrected(&weights, &model)
+            });
+            for (found, expected) in [p[0], p[2]].into_iter().zip(expected) {
+                assert!((found - expected).abs() < 0.3, "{p:?} {added:?}");
+            }
+        }
     }
 
     #[test]

@@ -77,7 +77,8 @@ pub struct Tried {
     pub held_out: f64,
     /// Error of the residual on the held-out records \[units\].
     pub error: f64,
-    /// Share of the error of the model before it that it takes away without any correction.
+    /// Share of the error of the model before it that it takes away without any correction; no number where it is not
+    /// asked for.
     pub alone: f64,
     /// Why it was not accepted.
     pub rejected: Option<String>,

@@ -140,7 +140,11 @@ impl Run<'_> {
                 gain: reference.0 - model.fit.chi2,
                 held_out: (reference.1 - error) / self.declared_error,
                 error,
-                alone: 1.0 - self.error_without_corrections(&weights, &model) / before,
+                alone: if again {
+                    1.0 - self.error_without_corrections(&weights, &model) / before
+                } else {
+                    f64::NAN
+                },
                 model,
                 rejected: None,
             };

@@ -133,10 +133,8 @@ fn beside_selected(
         let base = part(kept)?;
         let place = place_of_rest(&fits, judge, &base, MIN_SHARE_OF_FREE_FORM)?;
         let is_own = |own: &Candidate| is_constant(own) && own.port == place;
-        if base.added.iter().any(|&c| is_own(&study.candidates[c])) {
-            let base = part(&|own| kept(own) && !is_own(own))?;
-            return Some((base, place));
-        }
+        let has_own = base.added.iter().any(|&c| is_own(&study.candidates[c]));
+        let base = if has_own { part(&|own| kept(own) && !is_own(own))? } else { base };
         Some((base, place))
     };
     if !effects.terms.is_empty() && effects.terms.len() < best.added.len() {
@@ -235,7 +233,7 @@ fn sought(
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, widen } = finder.find(study, judge, base, found)?;
     let kept: Vec<usize> = base.added.iter().copied().filter(|c| model.added.contains(c)).collect();
-    let fits = finder.unhurried(study);
+    let fits = finder.fits_with_all_steps(study);
     let complete = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     let whole = share(study, [&found.before[1], &after[1]], &floors(found));
     let much = law.share >= MIN_SHARE_OF_REST && whole >= MIN_SHARE_OF_BOTH;

@@ -127,8 +127,8 @@ impl Finder<'_> {
         Fits { quick: self.quick, corrections, ..Fits::new(study, self.scale.to_vec()) }
     }
 
-    /// Those with the steps of the study, by which an answer is weighed.
-    pub(super) fn unhurried<'s>(&self, study: &'s Study) -> Fits<'s> {
+    /// The same with all steps of integration of the study, by which an answer is weighed.
+    pub(super) fn fits_with_all_steps<'s>(&self, study: &'s Study) -> Fits<'s> {
         Fits { quick: false, ..self.fits(study) }
     }
 
@@ -190,7 +190,7 @@ impl Finder<'_> {
 
     /// Error of a model in the units of the search.
     pub(super) fn error(&self, study: &Study, model: &Model) -> f64 {
-        let fits = self.unhurried(study);
+        let fits = self.fits_with_all_steps(study);
         let view = fits.view(&model.added, &fits.pieces);
         let residuals = |r: usize| view.residuals(r, &model.fit.parameters, &model.fit.locals[r]);
         fits.rms((0..fits.pieces.len()).flat_map(residuals).map(|own| own * own).sum())

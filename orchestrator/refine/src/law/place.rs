@@ -201,8 +201,9 @@ impl Finder<'_> {
             let least = MAX_ERROR_AT_OTHER_PORT * first.model.error;
             let found = self.fine(study, declared, (other.tap, other.surface.variables[0]));
             let found = found.and_then(|form| self.law(study, (judge, answer), declared, &form).ok()?);
-            let better =
-                |own: &Found| own.model.error < least || judge.explained(&self.unhurried(study), &own.model);
+            let better = |own: &Found| {
+                own.model.error < least || judge.explained(&self.fits_with_all_steps(study), &own.model)
+            };
             law = found.filter(|own| own.named && better(own)).or(law);
         }
         let left = law.as_ref().map_or(declared, |own| &own.model);
@@ -249,7 +250,7 @@ impl Finder<'_> {
     /// Whether a law leaves noise, if need be fitted in units of the noise: where signals are weighed by the residual
     /// of the declared model, the best fit may leave more of those that matter little.
     fn explains(&self, study: &Study, judge: &Judge, model: &Model) -> bool {
-        let fits = self.unhurried(study);
+        let fits = self.fits_with_all_steps(study);
         let near = model.error < self.max_error;
         judge.explained(&fits, model)
             || near && self.in_noise(study, &[], model).is_some_and(|own| judge.explained(&fits, &own))

@@ -33,7 +33,7 @@ use crate::vocabulary::Own;
 const MIN_VALIDATED_SHARE: f64 = 0.05;
 /// Share of the error on validation records that a law has to take away where it leaves more than noise.
 const MIN_SHARE_ABOVE_NOISE: f64 = 0.9;
-/// Error over that of noise up to which a law in time need not leave what is told from noise.
+/// Error over that of noise up to which a law in time may leave more than noise.
 const MAX_FLOORS_OF_LAW_IN_TIME: f64 = 1.15;
 /// Share of the error on validation records from which on a law needs no parameter corrected beside it.
 const MIN_SHARE_WITHOUT_CORRECTIONS: f64 = 0.98;
@@ -52,6 +52,7 @@ const MAX_OF_EFFECTS: f64 = 0.3;
 const MIN_SHARE_OF_MAIN_TERM: f64 = 0.5;
 /// Share of the error on validation records from which on a law that leaves too much may be one beside effects.
 const MIN_SHARE_OF_PART: f64 = 0.3;
+
 /// Aim of the search for a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
@@ -125,7 +126,7 @@ fn sought(
     let scope = Scope { lacking: &found.before[1], enough, wide, max_tolerances: 0.0 };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, .. } = finder.find(study, judge, base, found)?;
-    let fits = finder.unhurried(study);
+    let fits = finder.fits_with_all_steps(study);
     let white = judge.explained(&fits, &model) || judge.tolerable(&fits, &model);
     let colored = if white { None } else { colored::noises(&fits, judge, &model) };
     if let Some(noises) = &colored {
@@ -344,7 +345,7 @@ impl Finder<'_> {
         answer: &Answer,
     ) -> Option<Outcome> {
         let model = extended(&found.model, study);
-        let (mut model, mut fits) = (model, self.unhurried(study));
+        let (mut model, mut fits) = (model, self.fits_with_all_steps(study));
         if self.aim.is_share() {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
