@@ -9,6 +9,9 @@ const MIN_SPREADS: f64 = 30.0;
 /// Least deviation, over the range of the record without its upmost and lowest twentieth. Steps of a command and
 /// impacts stay below it: none of 1,762 records of rigs and studies has such a sample.
 const MIN_SHARE_OF_RANGE: f64 = 0.5;
+/// The same in the first samples: a command that is there from the first sample on may carry a signal from rest to where
+/// it stays before the next one, as the current of a motor.
+const MIN_SHARE_OF_RANGE_AT_BEGIN: f64 = 10.0;
 /// Median of the deviations of normal noise over its standard deviation.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
@@ -38,7 +41,8 @@ pub fn find(values: &[f64]) -> Vec<Outlier> {
     let neighbors = |k: usize| middle(values, k, NEIGHBORS, |j| values[j]);
     let deviation = |k: usize| values[k] - neighbors(k);
     let is_outlier = |k: usize, own: f64| {
-        if own.abs() <= MIN_SHARE_OF_RANGE * range {
+        let share = if k < NEIGHBORS { MIN_SHARE_OF_RANGE_AT_BEGIN } else { MIN_SHARE_OF_RANGE };
+        if own.abs() <= share * range {
             return false;
         }
         let spread = middle(values, k, AROUND, |j| deviation(j).abs()) / MEDIAN_OF_NORMAL;
@@ -201,6 +205,16 @@ mod tests {
             values.reverse();
             assert_eq!(find(&values), [], "{end} reversed");
         }
+    }
+
+    #[test]
+    fn a_signal_may_jump_behind_its_first_sample() {
+        // A motor at rest, whose current follows its voltage within a sample.
+        let mut values: Vec<f64> = swing().iter().map(|own| 0.4 + own).collect();
+        values[0] = 0.0;
+        assert_eq!(find(&values), []);
+        values[0] = -2.0;
+        assert_eq!(find(&values).len(), 1);
     }
 
     #[test]

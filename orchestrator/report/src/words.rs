@@ -46,15 +46,18 @@ pub fn what(effect: &Effect) -> String {
 /// An effect in the words of a reader, with its id.
 fn in_words(effect: &Effect) -> String {
     match &effect.own {
-        Some(own) if own.words.is_empty() => format!("{} ({})", effect.id, own.formula),
-        Some(own) => format!("{} ({}: {})", own.words, effect.id, own.formula),
+        Some(own) if own.words.is_empty() => format!("{} ({})", effect.id, own.with_rates()),
+        Some(own) => format!("{} ({}: {})", own.words, effect.id, own.with_rates()),
         None => format!("{} ({})", what(effect), effect.id),
     }
 }
 
+/// Half of an interval over the value, above which a value further down the list of an effect is not determined.
+const MAX_HALF_INTERVAL_OVER_VALUE: f64 = 10.0;
+
 /// Parameters of an effect with half of their 95 % intervals.
 fn size(effect: &Effect) -> String {
-    let one = |p: &Parameter| {
+    let one = |(k, p): (usize, &Parameter)| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
         let half = 0.5 * (p.interval.1 - p.interval.0);
         let value = rounded(p.value, half);
@@ -62,12 +65,13 @@ fn size(effect: &Effect) -> String {
         if half == 0.0 {
             return format!("{} {value}{unit} (as far as it may go)", p.name);
         }
-        if !half.is_finite() {
-            return format!("{} {value}{unit} (not determined by these records)", p.name);
+        // The interval of the first one says whether there is an effect at all.
+        if !half.is_finite() || k > 0 && half > MAX_HALF_INTERVAL_OVER_VALUE * p.value.abs() {
+            return format!("{} {}{unit} (not determined by these records)", p.name, number(p.value));
         }
         format!("{} {value}{unit} \u{b1} {}", p.name, rounded(half, half))
     };
-    let all: Vec<String> = effect.parameters.iter().map(one).collect();
+    let all: Vec<String> = effect.parameters.iter().enumerate().map(one).collect();
     all.join(", ")
 }
 
@@ -177,7 +181,7 @@ fn law(own: &Law) -> String {
 
 /// A law as it follows "the model lacks".
 fn lacking(own: &Law) -> String {
-    let text = own.effect.own.as_ref().map_or("", |own| own.formula.as_str());
+    let text = own.effect.own.as_ref().map_or_else(String::new, |own| own.with_rates());
     let on = over(own);
     if own.named {
         format!("a law at {}, over {on}: {text}, with {}", own.port, size(&own.effect))
@@ -245,12 +249,26 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
         let none = if answer.by_share { "corrections" } else { "declared model" };
         let model = if step.model.is_empty() { none.into() } else { step.model.join(", ") };
         step.candidates.iter().map(move |own| {
-            // Without the sign of a share that is zero.
-            let share = format!("{:.0} %", (100.0 * own.held_out_gain).round() + 0.0);
-            vec![model.clone(), own.id.clone(), share, own.rejected.clone().unwrap_or_default()]
+            vec![
+                model.clone(),
+                own.id.clone(),
+                share_of_error(own.held_out_gain),
+                own.rejected.clone().unwrap_or_default(),
+            ]
         })
     });
     rows.collect()
+}
+
+/// A share of the declared model's error in a table. Above 1 where corrections alone enlarge the error on held-out parts,
+/// below -1 where the candidate does.
+fn share_of_error(share: f64) -> String {
+    match share {
+        share if share > 1.0 => "over 100 %".into(),
+        share if share < -1.0 => "the error grows".into(),
+        // Without the sign of a share that is zero.
+        share => format!("{:.0} %", (100.0 * share).round() + 0.0),
+    }
 }
 
 /// Note under the table of steps.

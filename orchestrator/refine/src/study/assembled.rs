@@ -69,7 +69,8 @@ pub(super) fn assemble(
         None => rule(fits, judge, selection, [&before[1], &after[1]], &of_declared, share),
     };
     let chosen = verdict == Verdict::Effect;
-    let mut effects = effects(fits, selection, chosen, by_share);
+    let most = settings.forward_selection.max_tolerances;
+    let mut effects = effects(fits, selection, chosen, by_share, most);
     if let Some(found) = by_share {
         explain_tried(found, &mut effects);
     }

@@ -29,11 +29,6 @@ impl Command {
         if self == Command::Mode { 2 } else { 1 }
     }
 
-    /// Whether it has a past: samples that it keeps. The others have states.
-    pub fn remembers(self) -> bool {
-        matches!(self, Command::Delay | Command::Hysteresis)
-    }
-
     /// Whether the changed command moves between its samples even if the one before is held.
     pub fn moves_between_samples(self) -> bool {
         matches!(self, Command::Lag | Command::Fill | Command::RateLimit | Command::Mode)
@@ -79,6 +74,15 @@ impl Command {
             }
         }
     }
+}
+
+/// Values at the samples and halfway to the next ones, `[2 n]`: the sample where they are `held`, else the mean of both.
+pub fn with_middles(values: &[f64], held: bool) -> Vec<f64> {
+    let middle = |k: usize| {
+        let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(values[k]);
+        0.5 * (values[k] + next)
+    };
+    (0..values.len()).flat_map(|k| [values[k], middle(k)]).collect()
 }
 
 /// Values `samples` later, linear between samples, the first value before the first sample.
@@ -190,6 +194,19 @@ mod tests {
         let y = Command::Lag.apply(&[0.2], &step, 0.1, true);
         assert_eq!(y[..2], [0.0, 0.0]);
         assert!((y[3] - (1.0 - (-1.0f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_lag_of_a_held_command_has_its_area_between_samples() {
+        let (tau, step) = (0.05, 0.02);
+        let fine = Command::Lag.apply(&[tau], &with_middles(&[0.0, 1.0, 1.0, -0.5], true), 0.5 * step, true);
+        for (k, u) in [(1, 1.0), (2, 1.0)] {
+            let [from, middle, to] = [fine[2 * k], fine[2 * k + 1], fine[2 * k + 2]];
+            let area = u * step + (from - u) * tau * (1.0 - (-step / tau).exp());
+            let parabola = step / 6.0 * (from + 4.0 * middle + to);
+            assert!((parabola / area - 1.0).abs() < 1e-4, "{parabola} {area}");
+        }
+        assert_eq!(with_middles(&[1.0, 3.0], false), [1.0, 2.0, 3.0, 3.0]);
     }
 
     #[test]

@@ -348,7 +348,8 @@ impl Attachment {
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorRule {
-    /// Simulations restart from the measured states after this time \[s\]; whole segments without it.
+    /// Simulations restart from the measured states after this time \[s\], while states without a column go on; whole
+    /// segments without it.
     #[serde(default)]
     pub windows_s: Option<f64>,
     /// The force residual is reported as well.

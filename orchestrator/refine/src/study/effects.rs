@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use super::by_share::ByShare;
 use super::changed;
+use super::exact;
 use super::fits::{Fits, Model};
 use super::law::Law;
 use super::model::{Action, Sensor, Study};
 use super::search::Selection;
 use crate::answer::{Effect, Parameter, Wiring};
-use crate::engine::{System, parallel};
+use crate::engine::{System, parallel, stop};
 
 /// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
 fn widening(residuals: &[Vec<f64>]) -> f64 {
@@ -153,22 +154,33 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
     ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect()
 }
 
-/// An effect with the intervals of the same model fitted with residuals as the independent samples that they hold and
-/// with declared parameters within their tolerances, where these are wider.
+/// An effect with intervals that hold those of the same model fitted with residuals as the independent samples that they
+/// hold and with declared parameters within their tolerances: without them a value makes up for what they are off.
 fn widened(effect: Effect, other: &Effect) -> Effect {
     let wider = |(own, other): (Parameter, &Parameter)| {
-        let half = 0.5 * (own.interval.1 - own.interval.0).max(other.interval.1 - other.interval.0);
+        let half = |own: &Parameter| 0.5 * (own.interval.1 - own.interval.0);
+        let half = half(&own).max(half(other) + (own.value - other.value).abs());
         Parameter { interval: (own.value - half, own.value + half), ..own }
     };
     let parameters = effect.parameters.into_iter().zip(&other.parameters).map(wider).collect();
     Effect { parameters, ..effect }
 }
 
-/// Effects, chosen ones first; `by_share`: what the search for a share of the error found, where it was asked.
-pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, by_share: Option<&ByShare>) -> Vec<Effect> {
+/// Effects, chosen ones first; `by_share`: what the search for a share of the error found, where it was asked; `most`:
+/// tolerances by which a declared parameter may be off.
+pub fn effects(
+    fits: &Fits,
+    selection: &Selection,
+    chosen: bool,
+    by_share: Option<&ByShare>,
+    most: f64,
+) -> Vec<Effect> {
     let weighted = by_share.is_some_and(|found| found.weighted);
-    let beside = by_share.and_then(|found| found.beside_corrections.as_ref());
     let (study, best) = (fits.study, &selection.best);
+    let beside = by_share.and_then(|found| found.beside_corrections.clone()).or_else(|| {
+        let may_be_off = chosen && selection.exact && !weighted && !stop::asked();
+        may_be_off.then(|| exact::beside_corrections(fits, best, most)).flatten()
+    });
     let view = fits.view(&best.added, &fits.pieces);
     let residuals =
         parallel::map(fits.pieces.len(), |r| view.residuals(r, &best.fit.parameters, &best.fit.locals[r]));
@@ -194,7 +206,7 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, by_share: Optio
         let group = (chosen && rivals).then_some(c);
         let stability = selection.stability.get(k).cloned();
         let mut own = effect(fits, selection, best, c, widen(best));
-        if let Some(model) = beside.filter(|model| model.added.contains(&c)) {
+        if let Some(model) = beside.as_ref().filter(|model| model.added.contains(&c)) {
             own = widened(own, &effect(fits, selection, model, c, 1.0));
         }
         found.push(Effect { selected: chosen, group, reason, stability, ..own });
@@ -214,9 +226,12 @@ pub fn effects(fits: &Fits, selection: &Selection, chosen: bool, by_share: Optio
             let group = chosen.then_some(*lacking);
             found.push(Effect { group, reason, ..effect(fits, selection, model, c, widen(model)) });
         }
-        // Beside effects for their share of the error, corrections are none.
+        // Corrections within tolerances are no effects.
         let mut other = if selection.exact { changed::corrected(study, &model.fit) } else { Vec::new() };
-        other.retain(|free| !selection.changed.iter().any(|own| own.index == free.index));
+        other.retain(|free| {
+            let is_stated = selection.changed.iter().any(|own| own.index == free.index);
+            free.prior.is_none() && !is_stated
+        });
         for change in changed::effects(study, model, &other, 0.0) {
             let reason = "these records cannot tell it from the selected effect".to_owned();
             found.push(Effect { group: chosen.then_some(*lacking), reason, ..change });

@@ -9,6 +9,7 @@ use super::influence::{Singles, influential};
 use super::model::Study;
 use super::physical::physical;
 use super::search::{Say, Selection, stability};
+use super::tolerance;
 use super::whole::{Whole, candidate, model};
 use crate::answer::Settings;
 use crate::engine::candidate::Candidate;
@@ -147,11 +148,24 @@ fn changes(study: &Study, whole: &Whole, declared: &Fit, candidates: &[Candidate
 
 /// A model fitted anew with residuals in units of the noise.
 pub fn refitted(fits: &Fits, own: &Model) -> Model {
+    refitted_beside(fits, own, &[])
+}
+
+/// The same beside corrections of the declared parameters up to `most` of their tolerances; none where there are none.
+pub fn beside_corrections(fits: &Fits, own: &Model, most: f64) -> Option<Model> {
+    let corrections: Vec<Free> =
+        tolerance::corrections(fits.study, most).into_iter().map(|own| own.0).collect();
+    (!corrections.is_empty()).then(|| refitted_beside(fits, own, &corrections))
+}
+
+fn refitted_beside(fits: &Fits, own: &Model, corrections: &[Free]) -> Model {
     let view = fits.view(&own.added, &fits.pieces);
     let whole = Whole::new(&view, noises(fits.study), &|_| ());
     let records: Vec<usize> = (0..fits.pieces.len()).collect();
     let mut free = fits.free(&own.added);
     free.extend(changed::corrected(fits.study, &own.fit));
+    let corrections = corrections.iter().filter(|own| free.iter().all(|other| other.index != own.index));
+    free.extend(corrections.copied().collect::<Vec<_>>());
     let fit = fit(&whole, &records, &own.fit.parameters, &free, &own.fit.locals, ROUNDS);
     let again = search::Model { added: own.added.clone(), fit, left: Vec::new() };
     let again = model(fits, &again);

@@ -165,7 +165,10 @@ pub(super) fn unit(template: &str, [value, velocity, position]: &[String; 3]) ->
         "E/X3" => ratio(over(position, "^3")),
         "E/X0.5" => ratio(over(position, "^0.5")),
         "1/X" => format!("1/{position}"),
-        "E/s" => format!("{}/s", spaced(value)),
+        "E/s" => match spaced(value).strip_suffix("/s") {
+            Some(length) => format!("{length}/s^2"),
+            None => format!("{}/s", spaced(value)),
+        },
         other => other.to_owned(),
     }
 }

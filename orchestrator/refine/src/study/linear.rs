@@ -35,8 +35,10 @@ pub(super) struct Linear {
     shows: Vec<f64>,
     /// By sample: what the port shows there, and at the end of the step.
     points: Vec<[Point; 2]>,
-    /// By sample: whether the simulation begins anew there.
+    /// By sample: whether the simulation begins anew there, from the states that are measured.
     restarts: Vec<bool>,
+    /// Whether each state is measured, `[nx]`.
+    measured: Vec<bool>,
     /// Sizes of the states so far, `[nx]`.
     sizes: Vec<f64>,
     /// Room for states and outputs.
@@ -46,11 +48,12 @@ pub(super) struct Linear {
 }
 
 impl Linear {
-    /// For a system with `nx` states and so many outputs, a form at the attachment `tap`.
-    fn new(nx: usize, outputs: usize, tap: usize, offset: f64) -> Linear {
+    /// For a system with so many states and outputs, a form at the attachment `tap`.
+    fn new(measured: Vec<bool>, outputs: usize, tap: usize, offset: f64) -> Linear {
+        let nx = measured.len();
         let room = || (vec![0.0; nx], vec![0.0; outputs]);
         let (sizes, from) = (vec![LEAST_SIZE; nx], vec![0.0; nx]);
-        Linear { offset, tap, nx, sizes, from, base: room(), moved: room(), ..Linear::default() }
+        Linear { offset, tap, nx, measured, sizes, from, base: room(), moved: room(), ..Linear::default() }
     }
 
     /// Records a sample with states `x`, `[nx]`. `advance(from, offset, to, outputs)`: outputs there, and the states a
@@ -94,8 +97,9 @@ impl Linear {
         // What each height adds at both ends of a step.
         let mut added = vec![[0.0; 2]; heights];
         for (k, points) in self.points.iter().enumerate() {
-            if k == 0 || self.restarts[k] {
-                z.fill(0.0);
+            if self.restarts[k] {
+                let measured = self.measured.iter().cycle();
+                z.iter_mut().zip(measured).filter(|own| *own.1).for_each(|(change, _)| *change = 0.0);
             }
             if k == 0 {
                 (0..nx).for_each(|i| z[(heights + i) * nx + i] = 1.0);
@@ -171,7 +175,9 @@ impl View<'_> {
             return None;
         }
         let mut blocks = self.blocks(p, false);
-        blocks.linear = Some(RefCell::new(Linear::new(nx, outputs, tap, offset)));
+        let states = &study.records[piece.record].states;
+        let measured = (0..nx).map(|i| states.get(i).is_some_and(Option::is_some)).collect();
+        blocks.linear = Some(RefCell::new(Linear::new(measured, outputs, tap, offset)));
         self.simulate(piece, p, locals, &mut blocks, &Shift::default());
         let linear = blocks.linear.map(RefCell::into_inner);
         let linear = linear.filter(|own| own.points.len() == piece.range.len())?;

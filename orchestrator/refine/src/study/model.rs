@@ -312,12 +312,14 @@ impl Study {
     /// fitted.
     pub fn from_start(&self, record: &Record) -> bool {
         let unknown = || record.states.iter().any(Option::is_none);
-        self.windows.is_none()
-            && match &record.initial {
-                Initial::Given(_) => true,
-                Initial::Word(InitialWord::Fit) => self.steps_alone,
-                Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
-            }
+        if self.windows.is_some() {
+            return unknown();
+        }
+        match &record.initial {
+            Initial::Given(_) => true,
+            Initial::Word(InitialWord::Fit) => self.steps_alone,
+            Initial::Word(InitialWord::Measured) => self.sampled || unknown(),
+        }
     }
 
     /// Spread of every output over the estimation records: standard deviation about the mean of all.

@@ -365,7 +365,8 @@ impl System for Noisy<'_> {
             let (Some(slope), Some(shift)) = (slope, shift) else { continue };
             let begin = if study.from_start(record) { 0 } else { range.start };
             for (i, (value, slope)) in found.iter_mut().zip(slope).enumerate() {
-                let from = window.map_or(begin, |window| range.start + (i % n) / window * window);
+                let since = range.start - begin + i % n;
+                let from = begin + window.map_or(0, |window| since / window * window);
                 *value -= slope * shift[from];
             }
         }

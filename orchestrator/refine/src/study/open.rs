@@ -27,7 +27,7 @@ use airloop_fmi::{Causality, InterfaceKind, template_folder};
 use airloop_series::names::suggestion;
 
 /// FMUs of this project in a study: `airloop:NAME`.
-const OWN: &str = "airloop:";
+pub(super) const OWN: &str = "airloop:";
 
 /// A system of two of them: piston force and friction in series.
 const PISTON: &str = "piston-with-friction";

@@ -48,7 +48,7 @@ pub struct Replay {
     pub records: Vec<Replayed>,
 }
 
-/// Simulates `system` (`.ssd`, `.ssp` or `.fmu`) with the inputs, initial states and windows of a study.
+/// Simulates `system` (`.ssd`, `.ssp`, `.fmu`, or `airloop:NAME`) with the inputs, initial states and windows of a study.
 ///
 /// Parameters are those of the system: what the study declares or leaves free has its values there. Only offsets of
 /// sensors and initial states that the study fits are fitted. With `beginning` \[s\] every record is one free run
@@ -238,9 +238,12 @@ fn fed(file: &File, graph: &SystemGraph) -> Result<(), Error> {
 fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     let mut own = file.clone();
     let span = file.declaration.system.span();
-    let path = system
-        .canonicalize()
-        .map_err(|error| Error::Case { path: system.into(), problem: error.to_string() })?;
+    let path = if system.to_string_lossy().starts_with(open::OWN) {
+        system.to_owned()
+    } else {
+        let path = system.canonicalize();
+        path.map_err(|error| Error::Case { path: system.into(), problem: error.to_string() })?
+    };
     let declaration = &mut own.declaration;
     declaration.system = Spanned::new(span, path.to_string_lossy().into_owned());
     declaration.parameters.clear();

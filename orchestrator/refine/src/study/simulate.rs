@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::blocks::{Acting, Blocks, Survey};
+use super::command::with_middles;
 use super::declaration::{Initial, InitialWord};
 use super::driven::Driven;
 use super::law::{Law, Point};
@@ -181,9 +182,11 @@ impl<'a> View<'a> {
         if self.begins_with_record(piece.record) { 0 } else { piece.range.start }
     }
 
-    /// Commands of a record with the effects that have a memory: the past before it, and it.
-    fn inputs(&self, record: &Record, p: &[f64], shift: &Shift) -> Vec<Option<Vec<f64>>> {
+    /// Commands of a record with the effects that have a memory: the past before it, and it; and where effects let them
+    /// move between its samples, the values halfway.
+    fn inputs(&self, record: &Record, p: &[f64], shift: &Shift) -> [Vec<Option<Vec<f64>>>; 2] {
         let mut inputs = record.past.clone();
+        let mut middles = vec![None; inputs.len()];
         for (index, (values, own)) in inputs.iter_mut().zip(&record.inputs).enumerate() {
             if let (Some(values), Some(own)) = (values, own) {
                 let past = values.len();
@@ -201,16 +204,32 @@ impl<'a> View<'a> {
             })
             .collect();
         commands.sort_by_key(|(kind, ..)| kind.rank());
+        // Values and middles of the record in turn.
+        let mut fine: Vec<Option<Vec<f64>>> = vec![None; inputs.len()];
         for (kind, input, entries) in commands {
-            if let Some(values) = &mut inputs[input] {
-                // A lag begins settled, as its block in the amended system does.
-                let before = record.past[input].as_ref().map_or(0, Vec::len);
-                let past = if kind.remembers() { 0 } else { before };
-                let own = kind.apply(&p[entries], &values[past..], record.step, self.study.held[input]);
-                values[past..].copy_from_slice(&own);
+            let Some(values) = &mut inputs[input] else { continue };
+            let (held, p) = (self.study.held[input], &p[entries]);
+            let before = record.past[input].as_ref().map_or(0, Vec::len);
+            if kind.moves_between_samples() {
+                // It begins settled, as its block in the amended system does.
+                let (own, held) = match fine[input].take() {
+                    Some(own) => (own, false),
+                    None => (with_middles(&values[before..], held), held),
+                };
+                fine[input] = Some(kind.apply(p, &own, 0.5 * record.step, held));
+            } else {
+                let own = kind.apply(p, values, record.step, held);
+                values.copy_from_slice(&own);
             }
         }
-        inputs
+        for (input, fine) in fine.into_iter().enumerate() {
+            let (Some(fine), Some(values)) = (fine, &mut inputs[input]) else { continue };
+            let past = values.len() - fine.len() / 2;
+            let samples = fine.chunks_exact(2);
+            values[past..].iter_mut().zip(samples.clone()).for_each(|(value, own)| *value = own[0]);
+            middles[input] = Some(samples.map(|own| own[1]).collect());
+        }
+        [inputs, middles]
     }
 
     fn run(
@@ -224,7 +243,7 @@ impl<'a> View<'a> {
     ) -> Result<(), super::Problem> {
         let study = self.study;
         let record = &study.records[piece.record];
-        let inputs = self.inputs(record, p, shift);
+        let [inputs, middles] = self.inputs(record, p, shift);
         let past = record.past.iter().flatten().map(Vec::len).next().unwrap_or(0);
         let mut extra = record.extra.clone();
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
@@ -233,16 +252,9 @@ impl<'a> View<'a> {
         let mut saved = vec![0.0; nx];
         let (n, step) = (piece.range.len(), record.step);
         let window = study.window(step);
-        // A command behind a lag moves between its samples.
-        let smooth = |slot: usize| {
-            self.active.iter().any(|&c| match study.candidates[c].action {
-                Action::Command { kind, input } => input == slot && kind.moves_between_samples(),
-                _ => false,
-            })
-        };
         let held: Vec<bool> =
-            study.held.iter().enumerate().map(|(slot, own)| *own && !smooth(slot)).collect();
-        let mut driven = Driven::new(&inputs, &held, (past, record.n));
+            study.held.iter().zip(&middles).map(|(own, middles)| *own && middles.is_none()).collect();
+        let mut driven = Driven::new(&inputs, &middles, &held, (past, record.n));
         let first_extra = plant.extra_first;
         let show = |plant: &mut Plant, k: usize| {
             for (slot, values) in extra.iter().enumerate() {
@@ -281,7 +293,6 @@ impl<'a> View<'a> {
         show(plant, begin);
         let before = Before { inputs: &inputs, held: &held, end: past + begin, most: n, step };
         plant.initialize_after(&before, &given, &fixed, begin as f64 * step, &mut x, &pass)?;
-        let start = x.clone();
         if own {
             // They are those behind the events of the first sample.
             x.copy_from_slice(locals);
@@ -289,12 +300,12 @@ impl<'a> View<'a> {
         // Events within this time of each other are one.
         let near = 1e-6 * step;
         let due = |plant: &Plant, until: f64| plant.next_event().filter(|next| *next <= until);
+        let restarts = |k: usize| !own && window.is_some_and(|window| (k - begin).is_multiple_of(window));
         for k in begin..piece.range.end {
             let j = k.checked_sub(piece.range.start);
-            if !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window)) {
-                self.measured_states((record, k), &start, shift, &mut x);
+            if restarts(k) {
+                self.measured_states((record, k), shift, &mut x);
                 plant.moved();
-                blocks.rest();
             }
             let t = k as f64 * step;
             driven.at(k);
@@ -351,10 +362,8 @@ impl<'a> View<'a> {
                     let value = blocks.seen[tap].get();
                     Point { time: blocks.now.get(), value, ..blocks.point(tap, &plant.slots) }
                 };
-                let restarts =
-                    !own && window.is_some_and(|window| (k - piece.range.start).is_multiple_of(window));
                 linear
-                    .record(&x, restarts, |from, offset, to, shown| {
+                    .record(&x, restarts(k), |from, offset, to, shown| {
                         blocks.offset.set(offset);
                         to.copy_from_slice(from);
                         at(plant, t, to, &mut dx[0], blocks)?;
@@ -458,10 +467,10 @@ impl<'a> View<'a> {
         Ok(())
     }
 
-    /// Measured states at sample `k`; start values where there are none.
-    fn measured_states(&self, at: (&Record, usize), start: &[f64], shift: &Shift, x: &mut [f64]) {
+    /// Puts the states to where they are measured at sample `k`; the others go on, as do those of effects.
+    fn measured_states(&self, at: (&Record, usize), shift: &Shift, x: &mut [f64]) {
         for (i, x) in x.iter_mut().enumerate() {
-            *x = self.measured_state(at, i, shift).unwrap_or(start[i]);
+            *x = self.measured_state(at, i, shift).unwrap_or(*x);
         }
     }
 

@@ -4,19 +4,28 @@
 use super::by_share::{self, ByShare};
 use super::fits::{Fits, Model};
 use super::search::Selection;
+use super::tolerance;
+use crate::engine::fit::Free;
 use crate::engine::stop;
 
 /// Error of effects beside corrections over that of the effects alone from which on their fit is made again.
 const MAX_ERROR_BESIDE_CORRECTIONS: f64 = 1.05;
-/// The same ratio below which corrections within one tolerance belong to the answer: what they explain is not missing.
+/// The same ratio below which corrections within one tolerance belong to the answer where something is left beside them:
+/// what they explain is not missing.
 const MAX_ERROR_OF_NEEDED_CORRECTIONS: f64 = 0.8;
 
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
-/// noise or several of them do, which may stand for parameters that are slightly off.
+/// noise, or several of them do or one for which corrections do as well: they may stand for parameters that are slightly
+/// off.
 pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
     let by_share::Search { fits, judge, settings, .. } = *search;
     let explained = judge.explained(fits, &exact.best);
-    if explained && (exact.best.added.len() < 2 || !exact.changed.is_empty()) || stop::asked() {
+    let may_be_corrections = || match exact.best.added.len() {
+        0 => false,
+        1 => corrections_explain(search, &exact.declared),
+        _ => true,
+    };
+    if explained && (!exact.changed.is_empty() || !may_be_corrections()) || stop::asked() {
         return (exact, None);
     }
     let mut found = search.run(&exact);
@@ -26,8 +35,11 @@ pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option
         // The fit without them goes on until nothing moves.
         exact.best = fits.polish(&exact.best).unwrap_or(exact.best);
     }
-    let needed = found.selection.best.error < MAX_ERROR_OF_NEEDED_CORRECTIONS * exact.best.error;
-    if has_same_effects && (explained || !needed) {
+    let are_needed = || {
+        found.selection.best.error < MAX_ERROR_OF_NEEDED_CORRECTIONS * exact.best.error
+            || judge.explained(fits, &found.selection.best)
+    };
+    if has_same_effects && (explained || !are_needed()) {
         // Corrections make nothing worse: where they seem to, their fit ended short of its optimum.
         let fell_short = found.selection.best.error > MAX_ERROR_BESIDE_CORRECTIONS * exact.best.error;
         let again = fell_short.then(|| search.refitted(&found, &exact.best.fit.parameters));
@@ -53,6 +65,19 @@ pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option
         return (exact, None);
     }
     (found.selection.clone(), Some(found))
+}
+
+/// Whether corrections of declared parameters within their tolerances leave the noise of the sensors without any effect.
+fn corrections_explain(search: &by_share::Search, declared: &Model) -> bool {
+    let (study, most) = (search.fits.study, search.settings.forward_selection.max_tolerances);
+    let corrections: Vec<Free> = tolerance::corrections(study, most).into_iter().map(|own| own.0).collect();
+    if corrections.is_empty() {
+        return false;
+    }
+    let fits = Fits { corrections, ..Fits::new(study, search.fits.scale.clone()) };
+    let own = &declared.fit;
+    let corrected = fits.fit_from(Vec::new(), &own.parameters, &own.locals);
+    corrected.is_some_and(|corrected| search.judge.explained(&fits, &corrected))
 }
 
 /// Whether the corrections beside some effects are likelier than the further effects of a selection that needs none.

@@ -134,6 +134,15 @@ pub enum Law {
 }
 
 impl Own {
+    /// The formula, with the rates of its states: `k*z with z' = v - z/s`.
+    pub fn with_rates(&self) -> String {
+        let rates: Vec<String> = self.states.iter().map(|(name, rate)| format!("{name}' = {rate}")).collect();
+        match rates[..] {
+            [] => self.formula.clone(),
+            _ => format!("{} with {}", self.formula, rates.join(" and ")),
+        }
+    }
+
     /// Reads and checks the text of a file.
     ///
     /// # Errors

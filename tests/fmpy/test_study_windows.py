@@ -1,0 +1,97 @@
+"""`airloop refine` of a machine behind an actuator whose state has no sensor, in windows: restarts put the measured states to where they are,
+and the others go on. The records are made here, by other code."""
+
+import importlib.util
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from command import ROOT
+from held import simulated
+from test_study import amended_has_printed_errors, named, refine
+
+THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
+sys.path.append(str(THIRD_PARTY))
+from systems import System
+
+# Another module of these tests has the same name.
+spec = importlib.util.spec_from_file_location("third_party_fmu", THIRD_PARTY / "fmu.py")
+third_party = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(third_party)
+
+EQUATIONS = """der_force = (gain * u - force) / lag;
+der_v = (force + f_x - drag * v) / mass;
+der_x = v;
+"""
+GAIN, LAG, DRAG, MASS = 20.0, 0.15, 4.0, 2.0
+MACHINE = System(
+    "machine",
+    0.01,
+    1.0,
+    1,
+    states={"force": ("N", 0.0, ""), "v": ("m/s", 0.0, "x"), "x": ("m", 0.0, "")},
+    inputs={"u": ("V", 0.0), "f_x": ("N", 0.0)},
+    parameters={"gain": (GAIN, "N/V", 0.01), "lag": (LAG, "s", 0.01), "drag": (DRAG, "N.s/m", 0.01), "mass": (MASS, "kg", 0.01)},
+    measured={},
+    ports={},
+    excite=None,
+    start={"force": 0.0, "v": 0.0, "x": 0.0},
+    short=False,
+)
+STEP, SAMPLES = 0.01, 2001
+STUDY = """system = "machine.fmu"
+
+[inputs]
+u = { column = "u", hold = true }
+
+[outputs]
+x = { column = "x" }
+v = { column = "v" }
+
+[states]
+x = { column = "x" }
+v = { column = "v" }
+
+[error]
+windows_s = 1.0
+"""
+
+
+def motion(commands, coulomb):
+    def rate(state, u):
+        force, v, _ = state
+        return np.array([(GAIN * u - force) / LAG, (force - DRAG * v - coulomb * np.tanh(v / 0.05)) / MASS, v])
+
+    return simulated(rate, np.zeros(3), commands, STEP, 10)
+
+
+def write(folder, coulomb):
+    home = folder / "home"
+    (home / "equations").mkdir(parents=True)
+    (home / "equations" / "machine.h").write_text(EQUATIONS)
+    third_party.make(MACHINE, folder / "machine.fmu", home)
+    text = STUDY
+    for k, role in enumerate(["estimation", "estimation", "validation"]):
+        draw = np.random.default_rng(40 + k)
+        commands = np.repeat(draw.uniform(-1, 1, SAMPLES // 40 + 1), 40)[:SAMPLES]
+        _, v, x = motion(commands, coulomb).T
+        columns = [np.arange(SAMPLES) * STEP, commands, x + draw.normal(0, 2e-4, SAMPLES), v + draw.normal(0, 2e-3, SAMPLES)]
+        np.savetxt(folder / f"r{k}.csv", np.column_stack(columns), fmt="%.7g", delimiter=",", header="time,u,x,v", comments="")
+        text += f'\n[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\n'
+    (folder / "study.toml").write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("coulomb, expected, code", [(0.0, [], 10), (1.5, ["coulomb@f_x"], 0)])
+def test_a_state_without_a_sensor_goes_on_where_a_window_restarts(tmp_path, coulomb, expected, code):
+    study = write(tmp_path / "study", coulomb)
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == code, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(found) == expected
+    if expected:
+        value = next(e for e in found["effects"] if e["selected"])["params"]["force"]
+        assert value["value"] == pytest.approx(coulomb, rel=0.03)
+        amended_has_printed_errors(study, tmp_path / "out", found)
