@@ -9,8 +9,8 @@ const MIN_SPREADS: f64 = 30.0;
 /// Least deviation, over the range of the record without its upmost and lowest twentieth. Steps of a command and
 /// impacts stay below it: none of 1,762 records of rigs and studies has such a sample.
 const MIN_SHARE_OF_RANGE: f64 = 0.5;
-/// The same in the first samples: a command that is there from the first sample on may carry a signal from rest to where
-/// it stays before the next one, as the current of a motor.
+/// The same in the first samples: a command that is there from the first sample on may carry a signal from rest to
+/// where it stays before the next one, as the current of a motor.
 const MIN_SHARE_OF_RANGE_AT_BEGIN: f64 = 10.0;
 /// Median of the deviations of normal noise over its standard deviation.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;

@@ -260,8 +260,8 @@ pub fn step_rows(answer: &Answer) -> Vec<Vec<String>> {
     rows.collect()
 }
 
-/// A share of the declared model's error in a table. Above 1 where corrections alone enlarge the error on held-out parts,
-/// below -1 where the candidate does.
+/// A share of the declared model's error in a table. Above 1 where corrections alone enlarge the error on held-out
+/// parts, below -1 where the candidate does.
 fn share_of_error(share: f64) -> String {
     match share {
         share if share > 1.0 => "over 100 %".into(),

@@ -76,7 +76,8 @@ impl Command {
     }
 }
 
-/// Values at the samples and halfway to the next ones, `[2 n]`: the sample where they are `held`, else the mean of both.
+/// Values at the samples and halfway to the next ones, `[2 n]`: the sample where they are `held`, else the mean of
+/// both.
 pub fn with_middles(values: &[f64], held: bool) -> Vec<f64> {
     let middle = |k: usize| {
         let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(values[k]);

@@ -154,8 +154,8 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
     ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect()
 }
 
-/// An effect with intervals that hold those of the same model fitted with residuals as the independent samples that they
-/// hold and with declared parameters within their tolerances: without them a value makes up for what they are off.
+/// An effect with intervals that hold those of the same model fitted with residuals as the independent samples that
+/// they hold and with declared parameters within their tolerances: without them a value makes up for what they are off.
 fn widened(effect: Effect, other: &Effect) -> Effect {
     let wider = |(own, other): (Parameter, &Parameter)| {
         let half = |own: &Parameter| 0.5 * (own.interval.1 - own.interval.0);

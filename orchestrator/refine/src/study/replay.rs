@@ -48,7 +48,8 @@ pub struct Replay {
     pub records: Vec<Replayed>,
 }
 
-/// Simulates `system` (`.ssd`, `.ssp`, `.fmu`, or `airloop:NAME`) with the inputs, initial states and windows of a study.
+/// Simulates `system` (`.ssd`, `.ssp`, `.fmu`, or `airloop:NAME`) with the inputs, initial states and windows of a
+/// study.
 ///
 /// Parameters are those of the system: what the study declares or leaves free has its values there. Only offsets of
 /// sensors and initial states that the study fits are fitted. With `beginning` \[s\] every record is one free run

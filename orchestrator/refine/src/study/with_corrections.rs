@@ -10,13 +10,13 @@ use crate::engine::stop;
 
 /// Error of effects beside corrections over that of the effects alone from which on their fit is made again.
 const MAX_ERROR_BESIDE_CORRECTIONS: f64 = 1.05;
-/// The same ratio below which corrections within one tolerance belong to the answer where something is left beside them:
-/// what they explain is not missing.
+/// The same ratio below which corrections within one tolerance belong to the answer where something is left beside
+/// them: what they explain is not missing.
 const MAX_ERROR_OF_NEEDED_CORRECTIONS: f64 = 0.8;
 
 /// The search for a share of the error beside corrections of declared parameters, where effects alone do not reach the
-/// noise, or several of them do or one for which corrections do as well: they may stand for parameters that are slightly
-/// off.
+/// noise, or several of them do or one for which corrections do as well: they may stand for parameters that are
+/// slightly off.
 pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option<ByShare>) {
     let by_share::Search { fits, judge, settings, .. } = *search;
     let explained = judge.explained(fits, &exact.best);
@@ -67,7 +67,7 @@ pub fn search(search: &by_share::Search, exact: Selection) -> (Selection, Option
     (found.selection.clone(), Some(found))
 }
 
-/// Whether corrections of declared parameters within their tolerances leave the noise of the sensors without any effect.
+/// Whether corrections of declared parameters within their tolerances leave the noise of the sensors without an effect.
 fn corrections_explain(search: &by_share::Search, declared: &Model) -> bool {
     let (study, most) = (search.fits.study, search.settings.forward_selection.max_tolerances);
     let corrections: Vec<Free> = tolerance::corrections(study, most).into_iter().map(|own| own.0).collect();
