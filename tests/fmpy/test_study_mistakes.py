@@ -94,7 +94,7 @@ def test_a_command_that_stands_still_is_told(tmp_path):
 def test_what_is_left_does_not_tell_a_delay_from_a_mode(tmp_path):
     """A lag of fixed time constant cannot fill and empty at rates of its own: what stands in the series leaves much."""
     few = SIGNALS + '[[attachment]]\ninput = "F"\neffects = ["fill", "delay", "mode", "lag"]\n'
-    result, report = run(study(tmp_path, few, up=0.085, down=0.13, delay=8))
+    result, report = run(study(tmp_path, few, up=0.085, down=0.13, delay=10))
     chosen = {effect["id"]: effect["group"] for effect in report["effects"] if effect["selected"]}
     assert "fill@F" in chosen, result.stdout
     groups = set(chosen.values()) - {None}

@@ -93,7 +93,7 @@ def filtered(rng, rms, pole):
     return rms * y
 
 
-def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=(-4.0, 4.0), leak_at=None):
+def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=(-4.0, 4.0), leak_at=None, lost=()):
     rng = np.random.default_rng(seed)
     home = folder / "home"
     (home / "equations").mkdir(parents=True)
@@ -104,6 +104,8 @@ def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=
         u = stairs(rng, low, high)
         p = pressure(u, width, off, leak_at) + filtered(rng, 400.0, pole)
         columns = np.array([STEP * np.arange(SAMPLES), u, p]).T
+        for begin, end in lost:
+            columns = columns[(columns[:, 0] < begin) | (columns[:, 0] > end)]
         np.savetxt(folder / f"r{k}.csv", columns, delimiter=",", header="time,u,p", comments="", fmt="%.9g")
         role = "validation" if k == 3 else "estimation"
         text += f'\n[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = "fit"\n'
@@ -176,3 +178,17 @@ def test_a_law_is_found_beside_an_effect(tmp_path):
     assert "a dead band at u" in text and "and a law at w_x, over p (x): a*exp(-((x - m)/w)^2)" in text
     assert found["complete"] and found["share"] > 0.97 and 0.02 < law["share"] < found["share"]
     amended_has_printed_errors(path, tmp_path / "out", found)
+
+
+@pytest.mark.parametrize("width, expected, code", [(0.0, [], 10), (0.5, ["deadband@u"], 0)])
+def test_a_record_goes_on_as_another_one_behind_rows_that_are_missing(tmp_path, width, expected, code):
+    # The command goes on where nothing is recorded, and the vessel fills.
+    lost = [(4.0, 4.4), (11.0, 11.5)]
+    path = study(tmp_path, width=width, off=(0.0, 0.0, 0.0), pole=0.0, seed=23, lost=lost)
+    found, _ = answered(path, tmp_path / "out", code)
+    assert named(found) == expected and found["complete"]
+    assert any("r0.csv: rows are missing in 2 places" in note for note in found["notes"]), found["notes"]
+    assert found["remaining"]["signals"]["p"]["floors"] == pytest.approx(1.0, abs=0.1)
+    if expected:
+        assert found["effects"][0]["params"]["width"]["value"] == pytest.approx(0.5, rel=0.02)
+        amended_has_printed_errors(path, tmp_path / "out", found)

@@ -230,6 +230,22 @@ mod tests {
     }
 
     #[test]
+    fn a_corner_has_none() {
+        // A stage under control that leaves its place within two samples: changes in units of the noise.
+        let leaves = [28.0, 197.0, 270.0, 218.0];
+        let change = |k: usize| leaves.get(k.saturating_sub(2000)).filter(|_| k >= 2000).unwrap_or(&218.0);
+        let mut place = 0.0;
+        let mut motion = noisy(2200, |_| 0.0);
+        for (k, value) in motion.iter_mut().enumerate().skip(2000) {
+            place -= NOISE * change(k);
+            *value += place;
+        }
+        assert_eq!(find(&motion), []);
+        motion[1000] += 100.0 * NOISE;
+        assert_eq!(find(&motion).len(), 1);
+    }
+
+    #[test]
     fn a_signal_full_of_spikes_means_them() {
         let mut values = noisy(1000, |_| 0.0);
         values.iter_mut().step_by(50).for_each(|value| *value += 0.1);

@@ -221,7 +221,7 @@ pub fn insignificant(candidates: &[Candidate], best: &Model, other: &Model) -> b
 }
 
 /// Fits what is promising on top of `base`, best promise first. Once a model leaves only noise, only candidates that
-/// promised about as much are still fitted.
+/// promised about as much are still fitted, or that have fewer parameters: a mode with much damping is a lag.
 pub fn attempt<S: System + ?Sized>(
     search: &Search<S>,
     base: &Model,
@@ -230,20 +230,24 @@ pub fn attempt<S: System + ?Sized>(
     limit: f64,
 ) -> Vec<Model> {
     let mut found: Vec<Model> = Vec::new();
-    let mut enough = f64::INFINITY;
+    // Promise up to which others are fitted, and parameters of the first candidate that leaves only noise.
+    let (mut enough, mut parameters) = (f64::INFINITY, None);
     let mut seen = Vec::new();
     for promise in promises {
-        if seen.contains(&promise.candidate) {
-            continue;
-        }
-        if seen.len() >= count || promise.chi2 > enough || stop::asked() {
+        if seen.len() >= count || stop::asked() {
             break;
+        }
+        let own = search.candidates[promise.candidate].free.len();
+        let promises_less = promise.chi2 > enough && parameters.is_some_and(|most| own >= most);
+        if seen.contains(&promise.candidate) || promises_less {
+            continue;
         }
         seen.push(promise.candidate);
         let mut added = base.added.clone();
         added.push(promise.candidate);
         let model = search.fit(&added, &[], &promise.parameters, &base.fit.locals, ROUNDS);
         if model.worst() < limit {
+            parameters.get_or_insert(own);
             enough = enough.min(2.0 * promise.chi2);
         }
         found.push(model);

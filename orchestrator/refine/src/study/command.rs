@@ -76,14 +76,25 @@ impl Command {
     }
 }
 
-/// Values at the samples and halfway to the next ones, `[2 n]`: the sample where they are `held`, else the mean of
-/// both.
-pub fn with_middles(values: &[f64], held: bool) -> Vec<f64> {
-    let middle = |k: usize| {
+/// Parts of a sample in which a command that moves between its samples is followed.
+pub const PARTS: usize = 8;
+
+/// Values at the samples and at [`PARTS`] - 1 times before the next one each: the sample where they are `held`, else on
+/// the line to the next.
+pub fn in_parts(values: &[f64], held: bool) -> Vec<f64> {
+    let part = |k: usize, i: usize| {
         let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(values[k]);
-        0.5 * (values[k] + next)
+        values[k] + (next - values[k]) * i as f64 / PARTS as f64
     };
-    (0..values.len()).flat_map(|k| [values[k], middle(k)]).collect()
+    (0..values.len()).flat_map(|k| (0..PARTS).map(move |i| part(k, i))).collect()
+}
+
+/// Mean from each sample to the next of values in parts, by Simpson's rule.
+pub fn means(fine: &[f64]) -> impl Iterator<Item = f64> {
+    let at = |k: usize| fine[k.min(fine.len() - 1)];
+    let two = move |k: usize| at(k) + 4.0 * at(k + 1) + at(k + 2);
+    let mean = move |first: usize| (0..PARTS).step_by(2).map(|i| two(first + i)).sum::<f64>();
+    (0..fine.len()).step_by(PARTS).map(move |first| mean(first) / (3 * PARTS) as f64)
 }
 
 /// Values `samples` later, linear between samples, the first value before the first sample.
@@ -198,16 +209,26 @@ mod tests {
     }
 
     #[test]
-    fn a_lag_of_a_held_command_has_its_area_between_samples() {
-        let (tau, step) = (0.05, 0.02);
-        let fine = Command::Lag.apply(&[tau], &with_middles(&[0.0, 1.0, 1.0, -0.5], true), 0.5 * step, true);
-        for (k, u) in [(1, 1.0), (2, 1.0)] {
-            let [from, middle, to] = [fine[2 * k], fine[2 * k + 1], fine[2 * k + 2]];
-            let area = u * step + (from - u) * tau * (1.0 - (-step / tau).exp());
-            let parabola = step / 6.0 * (from + 4.0 * middle + to);
-            assert!((parabola / area - 1.0).abs() < 1e-4, "{parabola} {area}");
+    fn a_lag_and_a_limited_rate_of_a_held_command_have_their_means_between_samples() {
+        let (tau, step, rate) = (0.05, 0.02, 30.0);
+        let values = [0.0, 1.0, 1.0, -0.5];
+        let followed = |kind: Command, p: f64| -> (Vec<f64>, Vec<f64>) {
+            let fine = kind.apply(&[p], &in_parts(&values, true), step / PARTS as f64, true);
+            (fine.iter().step_by(PARTS).copied().collect(), means(&fine).collect())
+        };
+        let (samples, means) = followed(Command::Lag, tau);
+        for k in [1, 2] {
+            let u = values[k];
+            let expected = u + (samples[k] - u) * tau / step * (1.0 - (-step / tau).exp());
+            assert!((means[k] - expected).abs() < 1e-7, "{means:?} {expected}");
         }
-        assert_eq!(with_middles(&[1.0, 3.0], false), [1.0, 2.0, 3.0, 3.0]);
+        // Up to 0.6 in the first sample, to 1 after two thirds of the second.
+        let (_, means) = followed(Command::RateLimit, rate);
+        assert!(
+            (means[1] - 0.3).abs() < 1e-12 && (means[2] - (1.0 - 0.2 * 2.0 / 3.0)).abs() < 1e-3,
+            "{means:?}"
+        );
+        assert_eq!(in_parts(&[1.0, 3.0], false)[..=PARTS][4..], [2.0, 2.25, 2.5, 2.75, 3.0]);
     }
 
     #[test]

@@ -300,7 +300,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     let layout = layout(file, &graph, &plant)?;
     let mut notes = file.notes.clone();
     notes.extend(slaves.clone());
-    let mut records = read::records(file, &layout, &mut notes)?;
+    let mut records = read::records(file, &layout, slaves.is_some(), &mut notes)?;
     if let Some(window) = declaration.error.windows_s {
         for record in &mut records {
             let samples = window_samples(window, record.step);

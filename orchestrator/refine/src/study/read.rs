@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Signal};
+use super::declaration::{File, ForceRule, Initial, InitialWord, Role, Segment, Signal};
+use super::model::window_samples;
 use super::plant::Parameter;
 use super::time_grid::{Grid, grid, own_step};
 use super::{names, signal, sparse};
@@ -248,11 +249,21 @@ pub fn processed(values: Vec<f64>, signal: &Signal, step: f64) -> Vec<f64> {
     values
 }
 
-/// Reads the records of all segments; sentences on what was interpolated go to `notes`.
+/// Samples that a record has at least.
+const MIN_SAMPLES: usize = 16;
+
+/// Reads the records of all segments; sentences on what was interpolated go to `notes`. A segment in which rows are
+/// missing, and with them what drives the system, becomes a record before and one behind them, unless records
+/// `begin_with_file`, as those of systems do whose states cannot be set.
 ///
 /// # Errors
 /// A file, column, unit or span that does not fit: place in the study, file and remedy.
-pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<Vec<Record>, Error> {
+pub fn records(
+    file: &File,
+    layout: &Layout,
+    begin_with_file: bool,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Record>, Error> {
     let declaration = &file.declaration;
     if let Some(step) =
         declaration.step_s.as_ref().filter(|own| !(*own.get_ref() > 0.0 && own.get_ref().is_finite()))
@@ -266,6 +277,8 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
     let compared: Vec<&str> = layout.outputs.iter().filter_map(Signal::source).map(String::as_str).collect();
     let states: Vec<&str> = layout.states_among_outputs().collect();
     let read: Vec<&str> = layout.columns().map(String::as_str).collect();
+    let is_driven = layout.inputs.iter().any(Option::is_some);
+    let may_be_cut = is_driven && layout.force.is_none() && !begin_with_file;
     let mut grids: BTreeMap<&str, Grid> = BTreeMap::new();
     let mut found = Vec::new();
     for spanned in &declaration.segment {
@@ -316,7 +329,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         let near = 0.01 * grid.step;
         let first = time.partition_point(|&t| t < from - near);
         let last = time.partition_point(|&t| t <= to + near);
-        if last < first + 16 {
+        if last < first + MIN_SAMPLES {
             let (begin, end) = (time[0], time[time.len() - 1]);
             // Samples, but at other times: the clock of the file has another zero.
             let before = segment.to_s.is_some_and(|to| to >= 0.0 && to < begin);
@@ -326,7 +339,7 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 ""
             };
             return Err(refuse(format!(
-                "between {from} s and {to} s there are {} samples, a segment needs at least 16; the file goes from {begin} s to {end} s{clock}",
+                "between {from} s and {to} s there are {} samples, a segment needs at least {MIN_SAMPLES}; the file goes from {begin} s to {end} s{clock}",
                 last.saturating_sub(first),
             )));
         }
@@ -337,89 +350,42 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
                 round(time[time.len() - 1], grid.step)
             ));
         }
-        let make = |whole: bool, corner: Option<f64>| {
-            one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
-        };
-        let past = first.saturating_sub(last - first)..first;
-        let past = inputs(grid, layout, past, None).map_err(&refuse)?;
-        let Signals { inputs, states, extra, outputs } = make(false, None).map_err(&refuse)?;
-        let force = match &layout.force {
-            None => None,
-            Some((rule, velocity)) => {
-                let Signals { inputs, states, extra, .. } =
-                    make(true, Some(rule.low_pass_hz)).map_err(&refuse)?;
-                let trim = (rule.trim_s / grid.step).round() as usize;
-                let range = if rule.whole_file { 0..time.len() } else { first..last };
-                let range = (range.start + trim)..range.end.saturating_sub(trim).max(range.start + trim);
-                let Some(v) = &states[*velocity] else {
-                    return Err(refuse(
-                        "the velocity of error.force is not measured; add it to [states]".into(),
-                    ));
-                };
-                let acceleration = signal::central(v, grid.step)[range.clone()].to_vec();
-                let cut = |list: Vec<Option<Vec<f64>>>| {
-                    list.into_iter().map(|v| v.map(|v| v[range.clone()].to_vec())).collect()
-                };
-                let extra = extra.into_iter().map(|v| v[range.clone()].to_vec()).collect();
-                Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
-            }
-        };
-        let sensors = layout.columns().filter_map(|name| {
-            let values = &grid.raw.channel(name)?.values;
-            let values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
-            let values = &values[..];
-            let corners = layout.signals().into_iter().flatten().flatten();
-            let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
-            let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
-            let corners =
-                corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
-            // What a low-pass of the study takes away is noise by its own word; neighbors may hide it, as
-            // interpolating encoders do.
-            let removed = corners.fold(0.0f64, |most, corner| {
-                most.max(
-                    grid.series
-                        .channel(name)
-                        .map_or(0.0, |own| signal::above(&own.values, corner, grid.step)),
-                )
-            });
-            let scatter = signal::scatter(values).max(removed);
-            let sensor = Sensor { scatter, quantum: signal::quantum(values) };
-            Some((name.clone(), sensor))
-        });
-        let sensors = sensors.collect();
-        let unit = |signal: &Signal| grid.raw.channel(signal.source()?)?.unit.clone();
-        found.push(Record {
-            sensors,
-            units: layout.outputs.iter().map(unit).collect(),
-            measured: layout
-                .outputs
-                .iter()
-                .map(|signal| {
-                    let own = grid.measured.get(signal.source()?)?[first..last].to_vec();
-                    own.contains(&false).then_some(own)
-                })
-                .collect(),
-            factors: factors(grid, layout).map_err(&refuse)?,
-            name: format!(
-                "{} {}-{} s",
+        let initial = segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured));
+        if !may_be_cut {
+            found.push(record(grid, layout, segment, first..last, initial).map_err(&refuse)?);
+            continue;
+        }
+        let mut least = MIN_SAMPLES;
+        if let Some(window) = declaration.error.windows_s {
+            least = least.max(window_samples(window, grid.step));
+        }
+        let mut spans = grid.without_gaps(first, last);
+        let whole = spans.len();
+        if whole > 1 {
+            spans.retain(|span| span.len() >= least);
+        }
+        if spans.is_empty() {
+            return Err(refuse(format!(
+                "rows are missing in so many places that nothing of {least} samples lies between them; name a span without gaps by from_s and to_s"
+            )));
+        }
+        if whole > 1 {
+            notes.push(format!(
+                "{}: rows are missing in {} places, and with them what drove the system: the record goes on behind each as one of its own, with initial states that are fitted.",
                 segment.file,
-                round(time[first], grid.step),
-                round(time[last - 1], grid.step)
-            ),
-            role: segment.role,
-            initial: segment.initial.clone().unwrap_or(Initial::Word(InitialWord::Measured)),
-            parameters: Vec::new(),
-            step: grid.step,
-            n: last - first,
-            inputs,
-            past,
-            extra,
-            outputs,
-            states,
-            ends: [first == 0, last == time.len()],
-            smoothed: Vec::new(),
-            force,
-        });
+                whole - 1
+            ));
+        }
+        for span in spans {
+            let is_measured =
+                initial == Initial::Word(InitialWord::Measured) && layout.states.iter().all(Option::is_some);
+            let initial = if span.start == first || is_measured {
+                initial.clone()
+            } else {
+                Initial::Word(InitialWord::Fit)
+            };
+            found.push(record(grid, layout, segment, span, initial).map_err(&refuse)?);
+        }
     }
     let reaches_back = |record: &&Record| record.past.iter().flatten().any(|own| !own.is_empty());
     let inside = found.iter().filter(reaches_back).count();
@@ -430,6 +396,94 @@ pub fn records(file: &File, layout: &Layout, notes: &mut Vec<String>) -> Result<
         ));
     }
     Ok(found)
+}
+
+/// The samples `span` of a file as a record.
+fn record(
+    grid: &Grid,
+    layout: &Layout,
+    segment: &Segment,
+    span: Range<usize>,
+    initial: Initial,
+) -> Result<Record, String> {
+    let (time, Range { start: first, end: last }) = (grid.series.time(), span);
+    let make = |whole: bool, corner: Option<f64>| {
+        one(grid, layout, if whole { 0..time.len() } else { first..last }, corner)
+    };
+    let past = first.saturating_sub(last - first)..first;
+    let past = inputs(grid, layout, past, None)?;
+    let Signals { inputs, states, extra, outputs } = make(false, None)?;
+    let force = match &layout.force {
+        None => None,
+        Some((rule, velocity)) => {
+            let Signals { inputs, states, extra, .. } = make(true, Some(rule.low_pass_hz))?;
+            let trim = (rule.trim_s / grid.step).round() as usize;
+            let range = if rule.whole_file { 0..time.len() } else { first..last };
+            let range = (range.start + trim)..range.end.saturating_sub(trim).max(range.start + trim);
+            let Some(v) = &states[*velocity] else {
+                return Err("the velocity of error.force is not measured; add it to [states]".into());
+            };
+            let acceleration = signal::central(v, grid.step)[range.clone()].to_vec();
+            let cut = |list: Vec<Option<Vec<f64>>>| {
+                list.into_iter().map(|v| v.map(|v| v[range.clone()].to_vec())).collect()
+            };
+            let extra = extra.into_iter().map(|v| v[range.clone()].to_vec()).collect();
+            Some(ForceRecord { inputs: cut(inputs), states: cut(states), extra, acceleration })
+        }
+    };
+    let sensors = layout.columns().filter_map(|name| {
+        let values = &grid.raw.channel(name)?.values;
+        let values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        let values = &values[..];
+        let corners = layout.signals().into_iter().flatten().flatten();
+        let corners = corners.filter(|own| own.source() == Some(name)).filter_map(|own| own.low_pass_hz);
+        let driven = layout.inputs.iter().flatten().any(|own| own.source() == Some(name));
+        let corners = corners.chain(layout.force.iter().filter(|_| driven).map(|force| force.0.low_pass_hz));
+        // What a low-pass of the study takes away is noise by its own word; neighbors may hide it, as
+        // interpolating encoders do.
+        let removed = corners.fold(0.0f64, |most, corner| {
+            most.max(
+                grid.series.channel(name).map_or(0.0, |own| signal::above(&own.values, corner, grid.step)),
+            )
+        });
+        let scatter = signal::scatter(values).max(removed);
+        let sensor = Sensor { scatter, quantum: signal::quantum(values) };
+        Some((name.clone(), sensor))
+    });
+    let sensors = sensors.collect();
+    let unit = |signal: &Signal| grid.raw.channel(signal.source()?)?.unit.clone();
+    Ok(Record {
+        sensors,
+        units: layout.outputs.iter().map(unit).collect(),
+        measured: layout
+            .outputs
+            .iter()
+            .map(|signal| {
+                let own = grid.measured.get(signal.source()?)?[first..last].to_vec();
+                own.contains(&false).then_some(own)
+            })
+            .collect(),
+        factors: factors(grid, layout)?,
+        name: format!(
+            "{} {}-{} s",
+            segment.file,
+            round(time[first], grid.step),
+            round(time[last - 1], grid.step)
+        ),
+        role: segment.role,
+        initial,
+        parameters: Vec::new(),
+        step: grid.step,
+        n: last - first,
+        inputs,
+        past,
+        extra,
+        outputs,
+        states,
+        ends: [first == 0, last == time.len()],
+        smoothed: Vec::new(),
+        force,
+    })
 }
 
 /// The stated step \[s\] for a record with a step of its own \[s\]; none where none is stated, or a shorter one.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::blocks::{Acting, Blocks, Survey};
-use super::command::with_middles;
+use super::command::{PARTS, in_parts, means};
 use super::declaration::{Initial, InitialWord};
 use super::driven::Driven;
 use super::law::{Law, Point};
@@ -204,7 +204,7 @@ impl<'a> View<'a> {
             })
             .collect();
         commands.sort_by_key(|(kind, ..)| kind.rank());
-        // Values and middles of the record in turn.
+        // Of the record, in parts of its samples.
         let mut fine: Vec<Option<Vec<f64>>> = vec![None; inputs.len()];
         for (kind, input, entries) in commands {
             let Some(values) = &mut inputs[input] else { continue };
@@ -214,9 +214,9 @@ impl<'a> View<'a> {
                 // It begins settled, as its block in the amended system does.
                 let (own, held) = match fine[input].take() {
                     Some(own) => (own, false),
-                    None => (with_middles(&values[before..], held), held),
+                    None => (in_parts(&values[before..], held), held),
                 };
-                fine[input] = Some(kind.apply(p, &own, 0.5 * record.step, held));
+                fine[input] = Some(kind.apply(p, &own, record.step / PARTS as f64, held));
             } else {
                 let own = kind.apply(p, values, record.step, held);
                 values.copy_from_slice(&own);
@@ -224,10 +224,15 @@ impl<'a> View<'a> {
         }
         for (input, fine) in fine.into_iter().enumerate() {
             let (Some(fine), Some(values)) = (fine, &mut inputs[input]) else { continue };
-            let past = values.len() - fine.len() / 2;
-            let samples = fine.chunks_exact(2);
-            values[past..].iter_mut().zip(samples.clone()).for_each(|(value, own)| *value = own[0]);
-            middles[input] = Some(samples.map(|own| own[1]).collect());
+            let past = values.len() - fine.len() / PARTS;
+            let samples = fine.iter().step_by(PARTS);
+            values[past..].iter_mut().zip(samples).for_each(|(value, own)| *value = *own);
+            // Such that a step of the integration sees the mean.
+            let ends = values[past..].iter().zip(values[past + 1..].iter().chain(values.last()));
+            let middle = |(mean, (from, to)): (f64, (&f64, &f64))| {
+                if self.quick { mean } else { 1.5 * mean - 0.25 * (from + to) }
+            };
+            middles[input] = Some(means(&fine).zip(ends).map(middle).collect());
         }
         [inputs, middles]
     }

@@ -26,6 +26,32 @@ fn median_step(time: &[f64]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// Missing rows, in steps, that a line bridges also where what drives the system is missing with them.
+const MAX_STEPS_BRIDGED: f64 = 10.0;
+
+impl Grid {
+    /// Spans of the samples `first` to `last` between which more rows are missing than a line bridges.
+    pub(super) fn without_gaps(&self, first: usize, last: usize) -> Vec<std::ops::Range<usize>> {
+        let (axis, near) = (self.series.time(), 0.01 * self.step);
+        let is_gap = |pair: &&[f64]| pair[1] - pair[0] > (1.0 + MAX_STEPS_BRIDGED) * self.step;
+        let mut spans = vec![first..last];
+        for pair in self.raw.time().windows(2).filter(is_gap) {
+            let Some(span) = spans.last_mut() else { break };
+            let before = axis.partition_point(|&t| t <= pair[0] + near);
+            let behind = axis.partition_point(|&t| t < pair[1] - near);
+            if before > span.start && behind < span.end {
+                span.end = before;
+                spans.push(behind..last);
+            } else if behind < span.end {
+                span.start = span.start.max(behind);
+            } else if before > span.start {
+                span.end = span.end.min(before);
+            }
+        }
+        spans
+    }
+}
+
 /// Samples by which stamps may be off a uniform grid: more is resampled by the stamps.
 const MAX_DRIFT: f64 = 0.25;
 
