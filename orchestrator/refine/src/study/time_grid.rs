@@ -1,6 +1,7 @@
 //! The rows of a file on a uniform grid: as they are where their stamps are one, else between them.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::sparse;
 use airloop_series::{Interpolation, TimeSeries};
@@ -31,22 +32,23 @@ const MAX_STEPS_BRIDGED: f64 = 10.0;
 
 impl Grid {
     /// Spans of the samples `first` to `last` between which more rows are missing than a line bridges.
-    pub(super) fn without_gaps(&self, first: usize, last: usize) -> Vec<std::ops::Range<usize>> {
+    pub(super) fn without_gaps(&self, first: usize, last: usize) -> Vec<Range<usize>> {
         let (axis, near) = (self.series.time(), 0.01 * self.step);
         let is_gap = |pair: &&[f64]| pair[1] - pair[0] > (1.0 + MAX_STEPS_BRIDGED) * self.step;
-        let mut spans = vec![first..last];
+        let (mut spans, mut begin) = (Vec::new(), first);
         for pair in self.raw.time().windows(2).filter(is_gap) {
-            let Some(span) = spans.last_mut() else { break };
             let before = axis.partition_point(|&t| t <= pair[0] + near);
             let behind = axis.partition_point(|&t| t < pair[1] - near);
-            if before > span.start && behind < span.end {
-                span.end = before;
-                spans.push(behind..last);
-            } else if behind < span.end {
-                span.start = span.start.max(behind);
-            } else if before > span.start {
-                span.end = span.end.min(before);
+            if before >= last {
+                break;
             }
+            if before > begin {
+                spans.push(begin..before);
+            }
+            begin = begin.max(behind);
+        }
+        if begin < last {
+            spans.push(begin..last);
         }
         spans
     }
@@ -179,6 +181,17 @@ mod tests {
         let swinging = file(|k| 0.005 * k + 0.005 * (0.005 * k).sin());
         assert!(off(&swinging) < 1e-9, "{}", off(&swinging));
         assert!((swinging.series.len() as f64 - 2000.0).abs() < 5.0);
+    }
+
+    #[test]
+    fn a_span_ends_and_begins_anew_where_more_rows_are_missing_than_a_line_bridges() {
+        // Rows 500 to 519 and 1000 to 1003 are missing.
+        let lost = |k: f64| k + if k >= 500.0 { 20.0 } else { 0.0 } + if k >= 980.0 { 4.0 } else { 0.0 };
+        let cut = file(|k| 0.25 * lost(k));
+        assert_eq!(cut.without_gaps(100, 1500), [100..500, 520..1500]);
+        assert_eq!(cut.without_gaps(510, 1500), [Range { start: 520, end: 1500 }]);
+        assert_eq!(cut.without_gaps(0, 505), [Range { start: 0, end: 500 }]);
+        assert_eq!(cut.without_gaps(600, 1500), [Range { start: 600, end: 1500 }]);
     }
 
     #[test]
