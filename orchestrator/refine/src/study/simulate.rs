@@ -227,10 +227,14 @@ impl<'a> View<'a> {
             let past = values.len() - fine.len() / PARTS;
             let samples = fine.iter().step_by(PARTS);
             values[past..].iter_mut().zip(samples).for_each(|(value, own)| *value = *own);
-            // Such that a step of the integration sees the mean.
+            // Such that the integration sees the mean: it takes this share of what the middle is off the line, by Simpson's
+            // rule or by midpoints.
+            let seen =
+                2.0 / 3.0 + if self.quick { 1.0 / (3.0 * (self.substeps as f64).powi(2)) } else { 0.0 };
             let ends = values[past..].iter().zip(values[past + 1..].iter().chain(values.last()));
             let middle = |(mean, (from, to)): (f64, (&f64, &f64))| {
-                if self.quick { mean } else { 1.5 * mean - 0.25 * (from + to) }
+                let line = 0.5 * (from + to);
+                line + (mean - line) / seen
             };
             middles[input] = Some(means(&fine).zip(ends).map(middle).collect());
         }
