@@ -1,25 +1,14 @@
 """`airloop refine` on a spindle whose dry friction changes along a revolution, and grows with the load. The records are made here, by other
 code than the FMU."""
 
-import importlib.util
 import json
-import sys
 
 import numpy as np
 import pytest
 
-from command import ROOT
 from held import simulated
 from test_study import amended_has_printed_errors, named, refine
-
-THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
-sys.path.append(str(THIRD_PARTY))
-from systems import System
-
-# Another module of these tests has the same name.
-spec = importlib.util.spec_from_file_location("third_party_fmu", THIRD_PARTY / "fmu.py")
-third_party = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(third_party)
+from third_party_fmu import System, build
 
 J, B, W_C = 0.02, 0.05, 0.3
 SPINDLE = System(
@@ -49,10 +38,7 @@ def motion(torque, friction):
 
 def study(folder, friction, seed):
     rng = np.random.default_rng(seed)
-    home = folder / "home"
-    (home / "equations").mkdir(parents=True)
-    (home / "equations" / "spindle.h").write_text("der_phi = w;\nder_w = (tau - b * w) / J;\n")
-    third_party.make(SPINDLE, folder / "spindle.fmu", home)
+    build(SPINDLE, "der_phi = w;\nder_w = (tau - b * w) / J;\n", folder)
     text = 'system = "spindle.fmu"\n\n[inputs]\ntau = { column = "tau", hold = true }\n\n[outputs]\nphi = { column = "phi" }\n'
     t = STEP * np.arange(SAMPLES)
     for k in range(4):

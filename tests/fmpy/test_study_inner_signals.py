@@ -3,26 +3,16 @@ command late moves a cart on a spring. The machine is typed here, the FMUs are m
 
 And a cart whose velocity is a local variable of its FMU, alone."""
 
-import importlib.util
 import json
-import sys
 
 import fmpy
 import fmpy.validation
 import numpy as np
 import pytest
 
-from command import ROOT, start
+from command import start
 from test_study import named, refine
-
-BENCH = ROOT / "tests" / "study" / "third_party"
-sys.path.append(str(BENCH))
-from systems import System  # noqa: E402
-
-# There is a module of this name here, too.
-SPEC = importlib.util.spec_from_file_location("bench_fmu", BENCH / "fmu.py")
-fmu = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(fmu)
+from third_party_fmu import System, make
 
 STEP, COUNT, FINE, NOISE = 0.01, 1200, 10, 2e-4
 LATE, FORCE, MASS, DAMPING, STIFFNESS = 0.06, 20.0, 1.5, 6.0, 120.0
@@ -123,7 +113,7 @@ def write_study(folder, effect, seed):
         {"force": FORCE, "mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS},
     )
     for system in (drive, cart):
-        fmu.make(system, folder / f"{system.name}.fmu", home=folder)
+        make(system, folder / f"{system.name}.fmu", home=folder)
     (folder / "system.ssd").write_text(TEXT)
     text = 'system = "system.ssd"\n[inputs]\nu = { column = "u", hold = true }\n[outputs]\nx = { column = "x", unit = "m" }\n'
     rng = np.random.default_rng(seed)
@@ -186,7 +176,7 @@ def test_a_local_variable_of_an_fmu_becomes_an_output_of_the_amended_system(tmp_
     values = {"mass": (MASS, "kg", 0.0), "damping": (DAMPING, "N.s/m", 0.0), "stiffness": (STIFFNESS, "N/m", 0.0)}
     states = {"x": ("m", 0.1, ""), "v": ("m/s", 0.1, "x")}
     cart = System("cart", STEP, 1.0, 1, states, {"s": ("N", 20.0)}, values, {}, {}, None, short=False, hidden=("v",))
-    fmu.make(cart, tmp_path / "cart.fmu", home=tmp_path)
+    make(cart, tmp_path / "cart.fmu", home=tmp_path)
     unit = {"x": "m", "v": "m/s"}[shown]
     text = f'system = "cart.fmu"\n[inputs]\ns = {{ column = "s", hold = true }}\n[outputs]\n{shown} = {{ column = "{shown}", unit = "{unit}" }}\n'
     rng = np.random.default_rng(3)

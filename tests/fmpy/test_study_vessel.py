@@ -1,25 +1,14 @@
 """`airloop refine` on a vessel behind a valve whose dead band nobody declared, with declared values that are off and noise that is not
 white. The records are made here, by other code and with other values than the FMU has."""
 
-import importlib.util
 import json
-import sys
 
 import numpy as np
 import pytest
 
-from command import ROOT
 from held import simulated
 from test_study import amended_has_printed_errors, named, refine
-
-THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
-sys.path.append(str(THIRD_PARTY))
-from systems import System
-
-# Another module of these tests has the same name.
-spec = importlib.util.spec_from_file_location("third_party_fmu", THIRD_PARTY / "fmu.py")
-third_party = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(third_party)
+from third_party_fmu import System, build
 
 EQUATIONS = """const double flow = u > 0.0 ? k_v * u * (p_s - p) : k_v * u * (p - p_a);
 der_p = R_s * T_g / V_0 * (flow + w_x - c_l * (p - p_a));
@@ -95,10 +84,7 @@ def filtered(rng, rms, pole):
 
 def study(folder, *, width, off, pole, seed, validation=(-4.0, 4.0), estimation=(-4.0, 4.0), leak_at=None, lost=()):
     rng = np.random.default_rng(seed)
-    home = folder / "home"
-    (home / "equations").mkdir(parents=True)
-    (home / "equations" / "vessel.h").write_text(EQUATIONS)
-    third_party.make(VESSEL, folder / "vessel.fmu", home)
+    build(VESSEL, EQUATIONS, folder)
     text = STUDY
     for k, (low, high) in enumerate([estimation] * 3 + [validation]):
         u = stairs(rng, low, high)

@@ -1,25 +1,14 @@
 """`airloop refine` of a machine behind an actuator whose state has no sensor, in windows: restarts put the measured states to where they are,
 and the others go on. The records are made here, by other code."""
 
-import importlib.util
 import json
-import sys
 
 import numpy as np
 import pytest
 
-from command import ROOT
 from held import simulated
 from test_study import amended_has_printed_errors, named, refine
-
-THIRD_PARTY = ROOT / "tests" / "study" / "third_party"
-sys.path.append(str(THIRD_PARTY))
-from systems import System
-
-# Another module of these tests has the same name.
-spec = importlib.util.spec_from_file_location("third_party_fmu", THIRD_PARTY / "fmu.py")
-third_party = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(third_party)
+from third_party_fmu import System, build
 
 EQUATIONS = """der_force = (gain * u - force) / lag;
 der_v = (force + f_x - drag * v) / mass;
@@ -59,24 +48,23 @@ windows_s = 1.0
 """
 
 
-def motion(commands, coulomb):
+def motion(commands, coulomb, off):
+    gain, mass = GAIN * (1 + off[0]), MASS * (1 + off[1])
+
     def rate(state, u):
         force, v, _ = state
-        return np.array([(GAIN * u - force) / LAG, (force - DRAG * v - coulomb * np.tanh(v / 0.05)) / MASS, v])
+        return np.array([(gain * u - force) / LAG, (force - DRAG * v - coulomb * np.tanh(v / 0.05)) / mass, v])
 
     return simulated(rate, np.zeros(3), commands, STEP, 10)
 
 
-def write(folder, coulomb):
-    home = folder / "home"
-    (home / "equations").mkdir(parents=True)
-    (home / "equations" / "machine.h").write_text(EQUATIONS)
-    third_party.make(MACHINE, folder / "machine.fmu", home)
+def write(folder, coulomb, off=(0.0, 0.0)):
+    build(MACHINE, EQUATIONS, folder)
     text = STUDY
     for k, role in enumerate(["estimation", "estimation", "validation"]):
         draw = np.random.default_rng(40 + k)
         commands = np.repeat(draw.uniform(-1, 1, SAMPLES // 40 + 1), 40)[:SAMPLES]
-        _, v, x = motion(commands, coulomb).T
+        _, v, x = motion(commands, coulomb, off).T
         columns = [np.arange(SAMPLES) * STEP, commands, x + draw.normal(0, 2e-4, SAMPLES), v + draw.normal(0, 2e-3, SAMPLES)]
         np.savetxt(folder / f"r{k}.csv", np.column_stack(columns), fmt="%.7g", delimiter=",", header="time,u,x,v", comments="")
         text += f'\n[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\n'
@@ -95,3 +83,11 @@ def test_a_state_without_a_sensor_goes_on_where_a_window_restarts(tmp_path, coul
         value = next(e for e in found["effects"] if e["selected"])["params"]["force"]
         assert value["value"] == pytest.approx(coulomb, rel=0.03)
         amended_has_printed_errors(study, tmp_path / "out", found)
+
+
+def test_declared_values_that_are_off_are_no_gain_of_the_command(tmp_path):
+    # Alone a gain leaves noise, too.
+    study = write(tmp_path / "study", 0.0, off=(0.013, 0.002))
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 10, result.stdout + result.stderr
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["corrections"]

@@ -26,6 +26,7 @@ pub mod catalog;
 pub mod changed;
 pub(crate) mod clipping;
 pub(crate) mod colored;
+mod columns;
 pub mod command;
 pub mod dataset;
 pub mod declaration;

@@ -7,9 +7,10 @@
 
 use std::collections::BTreeMap;
 
+use super::columns::processed;
 use super::declaration::{Initial, InitialWord, Role, Signal};
 use super::model::Study;
-use super::read::{ForceRecord, Layout, Record, processed};
+use super::read::{ForceRecord, Layout, Record};
 use super::signal::central;
 use super::simulate::{Shift, View};
 use crate::engine::noise::Noise;

@@ -227,7 +227,7 @@ impl<'a> View<'a> {
             let past = values.len() - fine.len() / PARTS;
             let samples = fine.iter().step_by(PARTS);
             values[past..].iter_mut().zip(samples).for_each(|(value, own)| *value = *own);
-            // Such that the integration sees the mean: it takes this share of what the middle is off the line, by Simpson's
+            // Such that the integration sees the mean: this share of what the middle is off the line, by Simpson's
             // rule or by midpoints.
             let seen =
                 2.0 / 3.0 + if self.quick { 1.0 / (3.0 * (self.substeps as f64).powi(2)) } else { 0.0 };

@@ -4,9 +4,10 @@
 //! The model's derivatives at the measured states and inputs are integrated (sharp as the inputs are, slowly drifting,
 //! which a filter lets pass); the filtered motion less the motion is the error.
 
+use super::columns::processed;
 use super::declaration::{Initial, InitialWord, Signal};
 use super::model::Study;
-use super::read::{Record, processed};
+use super::read::Record;
 use super::simulate::View;
 
 /// Errors of the measured states of a record, `[nx][n]`; none for states that are no derivatives.
