@@ -52,12 +52,9 @@ fn in_words(effect: &Effect) -> String {
     }
 }
 
-/// Half of an interval over the value, above which a value further down the list of an effect is not determined.
-const MAX_HALF_INTERVAL_OVER_VALUE: f64 = 10.0;
-
 /// Parameters of an effect with half of their 95 % intervals.
 fn size(effect: &Effect) -> String {
-    let one = |(k, p): (usize, &Parameter)| {
+    let one = |p: &Parameter| {
         let unit = if p.unit == "1" { String::new() } else { format!(" {}", p.unit) };
         let half = 0.5 * (p.interval.1 - p.interval.0);
         let value = rounded(p.value, half);
@@ -65,13 +62,12 @@ fn size(effect: &Effect) -> String {
         if half == 0.0 {
             return format!("{} {value}{unit} (as far as it may go)", p.name);
         }
-        // The interval of the first one says whether there is an effect at all.
-        if !half.is_finite() || k > 0 && half > MAX_HALF_INTERVAL_OVER_VALUE * p.value.abs() {
-            return format!("{} {}{unit} (not determined by these records)", p.name, number(p.value));
+        if !half.is_finite() {
+            return format!("{} {value}{unit} (not determined by these records)", p.name);
         }
         format!("{} {value}{unit} \u{b1} {}", p.name, rounded(half, half))
     };
-    let all: Vec<String> = effect.parameters.iter().enumerate().map(one).collect();
+    let all: Vec<String> = effect.parameters.iter().map(one).collect();
     all.join(", ")
 }
 
