@@ -9,7 +9,8 @@ import pytest
 
 from command import start
 from test_study import named, refine
-from test_study_inner_signals import COUNT, STEP, command, declared, fmu
+from test_study_inner_signals import COUNT, STEP, command, declared
+from third_party_fmu import build
 
 FINE, NOISE = 10, 2e-4
 MASS, DAMPING, STIFFNESS = 1.5, 6.0, 120.0
@@ -82,9 +83,7 @@ def vessel(u, effect):
 
 
 def write_study(folder, machine, effect, seed):
-    (folder / "equations").mkdir(parents=True)
-    (folder / "equations" / f"{machine}.h").write_text(EQUATIONS[machine])
-    fmu.make(SYSTEMS[machine], folder / f"{machine}.fmu", home=folder)
+    build(SYSTEMS[machine], EQUATIONS[machine], folder)
     shown, unit = ("x", "m") if machine == "slide" else ("p", "Pa")
     begin = "x = 0.0, v = 0.0" if machine == "slide" else f"p = {OUTSIDE}"
     text = f'system = "{machine}.fmu"\n[inputs]\nu = {{ column = "u", hold = true }}\n'
