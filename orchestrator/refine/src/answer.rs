@@ -220,6 +220,9 @@ pub struct Errors {
     pub rms: BTreeMap<String, f64>,
     /// Rms over the standard deviation of the measured signal.
     pub nrmse: BTreeMap<String, f64>,
+    /// Rms in multiples of the noise of the sensor without what noise of the states gives that windows start from;
+    /// empty where there are none.
+    pub white: BTreeMap<String, f64>,
 }
 
 /// The answer.
@@ -285,7 +288,19 @@ impl Answer {
         self.floor_on(1, signal)
     }
 
+    /// Error of a signal on validation records in multiples of that of a true model; none where that is not known. In
+    /// windows noise of the states that they start from does not count.
+    pub fn times_floor(&self, errors: &Errors, signal: &str) -> Option<f64> {
+        self.times_floor_on(1, errors, signal)
+    }
+
     /// The same on estimation (0) or validation (1) records.
+    pub(crate) fn times_floor_on(&self, set: usize, errors: &Errors, signal: &str) -> Option<f64> {
+        let of_floor = || Some(errors.rms.get(signal)? / self.floor_on(set, signal)?);
+        errors.white.get(signal).copied().or_else(of_floor)
+    }
+
+    /// See [`Answer::floor_of`], on estimation (0) or validation (1) records.
     pub(crate) fn floor_on(&self, set: usize, signal: &str) -> Option<f64> {
         let floor = self.floor[set].get(signal).or(self.noise.get(signal));
         floor.copied().filter(|floor| *floor > 0.0)

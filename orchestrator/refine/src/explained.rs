@@ -1,7 +1,7 @@
 //! Withdrawal of answers that validation records contradict: "nothing is missing" where the declared model explains no
 //! signal, or leaves what the estimation records do not show; effects and laws that leave more than half of a signal.
 
-use super::answer::{Answer, Verdict, WARNING};
+use super::answer::{Answer, Effect, Verdict, WARNING};
 
 /// Error over the spread of the measured signal from which on a model explains nothing of it.
 const MIN_NRMSE_OF_NO_MODEL: f64 = 0.9;
@@ -36,17 +36,7 @@ pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
     if !matches!(found.verdict, Verdict::Nothing | Verdict::Unexplained) {
         return;
     }
-    let ratio =
-        |set: usize, signal: &str| Some(found.after[set].rms.get(signal)? / found.floor_on(set, signal)?);
-    let unseen: Vec<String> = found.after[1]
-        .rms
-        .keys()
-        .filter_map(|signal| Some((signal, ratio(0, signal)?, ratio(1, signal)?)))
-        .filter(|(_, seen, there)| seen.is_finite() && *there >= MIN_RATIO_OF_UNSEEN * seen.max(1.0))
-        .map(|(signal, seen, there)| {
-            format!("`{signal}` {there:.1} times the noise ({seen:.1} on estimation records)")
-        })
-        .collect();
+    let unseen = unseen(found, MIN_RATIO_OF_UNSEEN);
     if unseen.is_empty() {
         return;
     }
@@ -56,6 +46,57 @@ pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
     ));
     (found.verdict, found.complete) = (Verdict::Unexplained, false);
     found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
+}
+
+/// Signals whose error on validation records is at least `least` times that on estimation records, in multiples of their
+/// floors and at least that floor, in words.
+fn unseen(found: &Answer, least: f64) -> Vec<String> {
+    let ratio = |set: usize, signal: &str| found.times_floor_on(set, &found.after[set], signal);
+    let signals = found.after[1].rms.keys();
+    signals
+        .filter_map(|signal| Some((signal, ratio(0, signal)?, ratio(1, signal)?)))
+        .filter(|(_, seen, there)| seen.is_finite() && *there >= least * seen.max(1.0))
+        .map(|(signal, seen, there)| {
+            format!("`{signal}` {there:.1} times the noise ({seen:.1} on estimation records)")
+        })
+        .collect()
+}
+
+/// The same ratio from which on another value of a declared parameter is one that suits the estimation records alone.
+const MIN_RATIO_OF_UNSUITED: f64 = 4.0;
+
+/// Takes other values of declared parameters back that validation records refute: they suit the estimation records, and
+/// what is missing has another form. The residual has its place at `place`. Returns whether an answer was withdrawn.
+pub fn refuse_other_values_of_estimation(found: &mut Answer, place: &str) -> bool {
+    let mut chosen = found.effects.iter().filter(|effect| effect.selected).peekable();
+    let is_other_value = |effect: &Effect| effect.kind() == "parameter";
+    let all = chosen.peek().is_some() && chosen.all(is_other_value);
+    let unseen = if all && found.law.is_none() { unseen(found, MIN_RATIO_OF_UNSUITED) } else { Vec::new() };
+    if unseen.is_empty() {
+        return false;
+    }
+    found.notes.push(format!(
+        "{WARNING}another value of a declared parameter would suit the estimation records and not those for validation: {}. What is missing has another form than that parameter.",
+        unseen.join(", ")
+    ));
+    withdraw(found, place, "validation records refute it");
+    true
+}
+
+/// Takes the effects and the law of an answer back.
+fn withdraw(found: &mut Answer, place: &str, reason: &str) {
+    for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
+        (effect.selected, effect.group) = (false, None);
+        reason.clone_into(&mut effect.reason);
+    }
+    (found.verdict, found.complete, found.share) = (Verdict::Unexplained, false, None);
+    found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
+    found.law = None;
+    found.cylinder = false;
+    found.corrections.clear();
+    found.after = found.before.clone();
+    found.parameters[1] = found.parameters[0].clone();
+    found.left[1] = found.left[0].clone();
 }
 
 /// Error above the floor, over the spread of the measured signal, from which on an answer is none.
@@ -101,18 +142,7 @@ pub fn refuse_what_explains_too_little(found: &mut Answer, place: &str) -> bool 
         left.join(", "),
         100.0 * MIN_NRMSE_OF_NO_ANSWER
     ));
-    for effect in found.effects.iter_mut().filter(|effect| effect.selected) {
-        (effect.selected, effect.group) = (false, None);
-        "with it, more than half of a signal is left on validation records".clone_into(&mut effect.reason);
-    }
-    (found.verdict, found.complete, found.share) = (Verdict::Unexplained, false, None);
-    found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
-    found.law = None;
-    found.cylinder = false;
-    found.corrections.clear();
-    found.after = found.before.clone();
-    found.parameters[1] = found.parameters[0].clone();
-    found.left[1] = found.left[0].clone();
+    withdraw(found, place, "with it, more than half of a signal is left on validation records");
     true
 }
 
@@ -125,7 +155,7 @@ mod tests {
         let of = |pick: fn(&(f64, f64)) -> f64| {
             let own = errors.iter().enumerate().map(|(k, pair)| (format!("y{k}"), pick(pair)));
             let own: std::collections::BTreeMap<String, f64> = own.collect();
-            crate::answer::Errors { rms: own.clone(), nrmse: own }
+            crate::answer::Errors { rms: own.clone(), nrmse: own, ..crate::answer::Errors::default() }
         };
         let (mut found, floor) = (Answer { verdict: Verdict::Effect, ..Answer::default() }, 0.01);
         found.before[1] = of(|pair| pair.0);

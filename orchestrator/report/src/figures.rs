@@ -18,10 +18,10 @@ pub fn errors(answer: &Answer) -> Option<String> {
     let (before, after) = (&answer.before[1], &answer.after[1]);
     let rows: Vec<_> = before
         .rms
-        .iter()
-        .filter_map(|(signal, rms)| {
-            let floor = answer.floor_of(signal)?;
-            Some((signal.clone(), rms / floor, after.rms.get(signal)? / floor))
+        .keys()
+        .filter_map(|signal| {
+            let [from, to] = [before, after].map(|errors| answer.times_floor(errors, signal));
+            Some((signal.clone(), from?, to?))
         })
         .collect();
     let label = "rms error on validation records / error that sensor noise alone gives";

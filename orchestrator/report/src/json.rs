@@ -256,7 +256,7 @@ fn remaining<'a>(report: &Report<'a>) -> Remaining<'a> {
     let answer = report.answer;
     let left = |(signal, rms): (&'a String, &f64)| {
         let before = answer.before[1].rms.get(signal).filter(|before| **before > 0.0);
-        let floors = answer.floor_of(signal).map(|floor| rms / floor);
+        let floors = answer.times_floor(&answer.after[1], signal);
         (signal.as_str(), Left { rms: *rms, floors, ratio: before.map(|before| rms / before) })
     };
     let port = |(port, floors): &'a (String, f64)| (port.as_str(), Port { floors: *floors });

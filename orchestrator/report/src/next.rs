@@ -70,8 +70,8 @@ pub fn advice(answer: &Answer) -> Vec<String> {
                 .into(),
         );
     }
-    let times = |(signal, rms): (&String, &f64)| Some(rms / answer.floor[1].get(signal)?);
-    let left = answer.after[1].rms.iter().filter_map(times).fold(0.0, f64::max);
+    let known = answer.floor[1].keys();
+    let left = known.filter_map(|own| answer.times_floor(&answer.after[1], own)).fold(0.0, f64::max);
     if answer.verdict == Verdict::Effect && left > COMPLETE {
         found.push(format!(
             "The same motion as a validation record once more: what both runs leave alike (up to {left:.1} times what the sensors give) the model still lacks, the rest changes from run to run."

@@ -223,8 +223,8 @@ fn share_and_remainder(answer: &Answer) -> String {
         Some(alone) => format!("{alone}, with corrections of declared parameters {whole}"),
         None => format!("Together they take away {whole} of the error"),
     };
-    let floors = |(signal, rms): (&String, &f64)| Some((signal.clone(), rms / answer.floor_of(signal)?));
-    let worst = answer.after[1].rms.iter().filter_map(floors).max_by(|a, b| a.1.total_cmp(&b.1));
+    let floors = |signal: &String| Some((signal.clone(), answer.times_floor(&answer.after[1], signal)?));
+    let worst = answer.after[1].rms.keys().filter_map(floors).max_by(|a, b| a.1.total_cmp(&b.1));
     match worst {
         Some((signal, times)) if times > 1.05 => {
             format!(
@@ -285,11 +285,10 @@ pub fn effect_on_error(answer: &Answer) -> Option<String> {
     if answer.verdict != Verdict::Effect || !answer.complete && answer.share.is_some() {
         return None;
     }
-    let (before, after) = (&answer.before[1].rms, &answer.after[1].rms);
-    let improved = before.iter().filter_map(|(signal, rms)| {
-        let floor = answer.floor_of(signal)?;
-        let left = *after.get(signal)?;
-        Some((signal, rms / floor, left / floor))
+    let (before, after) = (&answer.before[1], &answer.after[1]);
+    let improved = before.rms.keys().filter_map(|signal| {
+        let [from, to] = [before, after].map(|errors| answer.times_floor(errors, signal));
+        Some((signal, from?, to?))
     });
     let (signal, from, to) = improved.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
     let parts = answer.effects.iter().filter(|effect| effect.selected).count() + answer.law.iter().count();
@@ -323,7 +322,9 @@ pub const ERROR_HEADER: [&str; 7] =
 
 /// Meaning of the columns of [`errors`].
 pub fn error_note(answer: &Answer) -> &'static str {
-    if answer.floor[1].is_empty() {
+    if !answer.before[1].white.is_empty() {
+        "Simulated as the study says, in windows, on records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms of the residuals over the noise of the sensor, without what noise of the measured states gives that windows start from; 1 is as good as these sensors can tell."
+    } else if answer.floor[1].is_empty() {
         "Simulated from the command over whole records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over the noise of the sensor; 1 is as good as the sensor can tell."
     } else {
         "Simulated as the study says, on records that the fit has not seen. NRMSE: rms error over the standard deviation of the measured signal. Times floor: rms error over that of a true model, which is the noise of the sensors carried through measured inputs, initial states, filters and derivatives; 1 is as good as these sensors can tell."
@@ -336,13 +337,13 @@ pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
     let row = |(signal, &rms): (&String, &f64)| {
         let left = after.rms.get(signal).copied().unwrap_or(f64::NAN);
         let noise = answer.noise.get(signal).copied().unwrap_or(f64::NAN);
-        let floor = answer.floor_of(signal).unwrap_or(f64::NAN);
+        let [from, to] = [before, after].map(|errors| answer.times_floor(errors, signal).unwrap_or(f64::NAN));
         let share = |errors: &airloop_refine::answer::Errors| {
             format!("{:.2} %", 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN))
         };
         let unit = signals.iter().find(|own| own.name == *signal).map_or("", |own| own.unit.as_str());
         let shown = if unit.is_empty() { signal.clone() } else { format!("{signal} [{unit}]") };
-        let times = format!("{:.2} \u{2192} {:.2}", rms / floor, left / floor);
+        let times = format!("{from:.2} \u{2192} {to:.2}");
         [shown, number(noise), number(rms), number(left), share(before), share(after), times]
     };
     before.rms.iter().map(row).collect()

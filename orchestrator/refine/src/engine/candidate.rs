@@ -15,7 +15,9 @@ pub struct Candidate {
     pub free: Vec<Free>,
     /// Points to start from. Effects that are nonlinear in their parameters have several.
     pub starts: Vec<Start>,
-    /// Candidate that this one contains as a special case.
+    /// Place of the effect among those with the same id.
+    pub place: usize,
+    /// Id of the candidate at the same place that this one contains as a special case.
     pub contains: Option<&'static str>,
 }
 
@@ -31,6 +33,11 @@ pub struct Start {
 }
 
 impl Candidate {
+    /// Whether this one only adds freedom to another: a lag with a time of its own for each direction to a lag.
+    pub fn adds_to(&self, other: &Candidate) -> bool {
+        self.contains == Some(other.id) && self.place == other.place
+    }
+
     /// Unique name: id, with the signal for sensors.
     pub fn name(&self) -> String {
         self.signal.map_or_else(|| self.id.to_owned(), |signal| format!("{}({signal})", self.id))

@@ -11,23 +11,27 @@ use super::stop;
 const RIVALS: usize = 3;
 
 impl Run<'_> {
-    /// Exchanges each effect that only a set brought, which took the place of the effects accepted one by one, for
-    /// another that does better, or as well and is simpler; notes those that do as well.
+    /// Exchanges each effect for another that does better beside the rest, or as well and is simpler. Of those that only
+    /// a set brought, which took the place of the effects accepted one by one, others that do as well are noted.
     pub(super) fn exchange(&self, found: &mut Found) {
         if found.best.added.len() < 2 || self.question.changes_among(&found.best.added) {
             return;
         }
-        // Those accepted one by one were compared with all others then.
-        let new: Vec<usize> =
-            found.best.added.iter().copied().filter(|c| !found.one_by_one.0.contains(c)).collect();
-        for own in new {
+        // The last one accepted was compared with all others beside the rest.
+        let one_by_one = &found.one_by_one.0;
+        let last = one_by_one.last().copied().filter(|_| *one_by_one == found.best.added);
+        let compared = one_by_one.clone();
+        let open: Vec<usize> = found.best.added.iter().copied().filter(|c| Some(*c) != last).collect();
+        for own in open {
             if stop::asked() {
                 return;
             }
             let Some(step) = self.in_place_of(own, &found.best) else { continue };
             let Some(accepted) = self.accepted(&step.tried).cloned() else { continue };
-            let rivals = self.rivals(&step, &accepted);
-            found.equals.extend(rivals.into_iter().map(|other| (accepted.candidate, other)));
+            if !compared.contains(&own) {
+                let rivals = self.rivals(&step, &accepted);
+                found.equals.extend(rivals.into_iter().map(|other| (accepted.candidate, other)));
+            }
             if accepted.candidate != own {
                 found.best = accepted.model.clone();
                 let beside = &found.best.added;
@@ -35,7 +39,7 @@ impl Run<'_> {
                     other.model.added.iter().all(|c| *c == other.candidate || beside.contains(c))
                 });
             }
-            if step.tried.len() > 1 {
+            if step.tried.len() > 1 && (accepted.candidate != own || !compared.contains(&own)) {
                 found.steps.push(step);
             }
         }
@@ -45,8 +49,7 @@ impl Run<'_> {
     /// explains, a small difference says nothing of the form.
     fn rivals(&self, step: &Step, accepted: &Tried) -> Vec<Tried> {
         let q = self.question;
-        let nested =
-            |t: &Tried| q.candidates[t.candidate].contains == Some(q.candidates[accepted.candidate].id);
+        let nested = |t: &Tried| q.candidates[t.candidate].adds_to(&q.candidates[accepted.candidate]);
         let near =
             (q.settings.tie_share_of_rest * accepted.error).max(q.settings.tie_share * self.whole_error);
         let same = |t: &&Tried| {

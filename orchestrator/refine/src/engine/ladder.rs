@@ -153,7 +153,8 @@ mod tests {
         let locals = vec![vec![0.0], vec![40.0]];
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
         let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
-        let candidates = [Candidate { id: "a", channel: "c", signal: None, free, starts, contains: None }];
+        let candidates =
+            [Candidate { id: "a", channel: "c", signal: None, free, starts, place: 0, contains: None }];
         let null = Null::simulate(&system, &[0, 1], &[0.0, 0.0], &locals, 100, 1);
         let search = Search {
             system: &system,

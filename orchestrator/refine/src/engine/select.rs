@@ -204,7 +204,7 @@ fn nested(candidates: &[Candidate], best: &Model, other: &Model) -> bool {
     let has: Vec<usize> = other.added.iter().copied().filter(|c| !best.added.contains(c)).collect();
     match (&lacks[..], &has[..]) {
         ([], _) => true,
-        (&[one], &[another]) => candidates[another].contains == Some(candidates[one].id),
+        (&[one], &[another]) => candidates[another].adds_to(&candidates[one]),
         _ => false,
     }
 }
@@ -367,7 +367,7 @@ mod tests {
     fn candidate(id: &'static str, index: usize) -> Candidate {
         let free = vec![Free { index, bounds: (-1e3, 1e3), step: 1e-3, prior: None }];
         let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
-        Candidate { id, channel: "c", signal: None, free, starts, contains: None }
+        Candidate { id, channel: "c", signal: None, free, starts, place: 0, contains: None }
     }
 
     fn chosen(system: &Lines, candidates: &[Candidate]) -> (Vec<&'static str>, bool, usize) {

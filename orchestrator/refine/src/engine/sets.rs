@@ -13,7 +13,7 @@ const MIN_FALL_OF_SET: (f64, f64) = (0.05, 0.02);
 /// share of the whole error.
 const MIN_SHARE_OF_REST: f64 = 0.5;
 /// Multiples of the sensor noise up to which what is left is not looked at again.
-const MAX_NOISE_LEFT: f64 = 2.0;
+const MAX_NOISE_LEFT: f64 = 1.3;
 /// Ratio of the errors of a proposed set and of the best model from which on it is not looked at further.
 const MAX_ERROR_RATIO_OF_SET: f64 = 1.1;
 
@@ -122,14 +122,20 @@ impl Run<'_> {
             tried
         });
         // Shares of the rest that they take where they were fitted.
-        let left = self.fitted_error(&found.best);
-        let taken = |t: &Tried| 1.0 - self.fitted_error(&t.model) / left;
+        let left = self.above_noise(self.fitted_error(&found.best));
+        let taken = |t: &Tried| 1.0 - self.above_noise(self.fitted_error(&t.model)) / left;
         let least = SHARE_OF_FALL_AT_FIRST * q.settings.min_share_of_rest;
         let few = tried.iter().take(PAIRED_SINGLES).filter(|t| taken(t) >= least);
         let mut sets: Vec<Proposal> =
             few.map(|t| (t.model.added.clone(), t.model.fit.parameters.clone())).collect();
         sets.extend(self.pairs(&found.best, &tried));
         self.take(found, sets, Demand::Rest)
+    }
+
+    /// An error without that of the sensors.
+    fn above_noise(&self, error: f64) -> f64 {
+        let floor = self.question.held_out.floor(&self.question.records);
+        (error.powi(2) - floor.powi(2)).max(0.0).sqrt()
     }
 
     /// A set of effects, fitted; one that has to take most of the rest, if it takes away some of that where it is
@@ -141,7 +147,8 @@ impl Run<'_> {
         }
         let fall = SHARE_OF_FALL_AT_FIRST * self.question.settings.min_share_of_rest;
         let first = self.fit(&weights, set, p, &best.fit.locals, FIRST_ROUNDS);
-        if self.fitted_error(&first) > (1.0 - fall) * self.fitted_error(best) {
+        let [left, whole] = [&first, best].map(|model| self.above_noise(self.fitted_error(model)));
+        if left > (1.0 - fall) * whole {
             return None;
         }
         let (p, locals) = (&first.fit.parameters, &first.fit.locals);
@@ -166,6 +173,8 @@ impl Run<'_> {
         let mut error = self.held_out_error(&weights, &model);
         let best = again(best);
         let best_error = self.held_out_error(&weights, &best);
+        // Near the noise, a share of what is left is one of what is above it.
+        let judged = |error: f64| if demand == Demand::Rest { self.above_noise(error) } else { error };
         let most = |extra: usize, from: f64| {
             let extra = extra as f64;
             match demand {
@@ -181,9 +190,9 @@ impl Run<'_> {
         // One effect too many may hide what the others bring, but not all of it.
         let hopeless = match demand {
             Demand::Each => MAX_ERROR_RATIO_OF_SET * best_error,
-            Demand::Rest => needed(best_error),
+            Demand::Rest => needed(judged(best_error)),
         };
-        if error > hopeless {
+        if judged(error) > hopeless {
             return None;
         }
         let base = again(base);
@@ -198,7 +207,7 @@ impl Run<'_> {
                 let own = self.fit(&weights, &rest, &start, &model.fit.locals, ROUNDS);
                 let left = self.held_out_error(&weights, &own);
                 let may_stay = rest.iter().all(|&other| (q.may_join)(other, &rest));
-                if may_stay && error > needed(left) {
+                if may_stay && judged(error) > needed(judged(left)) {
                     (model, error) = (own, left);
                     continue 'again;
                 }
@@ -219,7 +228,7 @@ impl Run<'_> {
             stands && share >= q.settings.min_held_out_share || alone >= q.settings.min_share_of_correction;
         let objection = model.added.iter().find_map(|&c| (q.sense)(&q.candidates[c], &model));
         let known = model.added.iter().all(|c| best.added.contains(c));
-        if !enough || error > most(extra, best_error) || objection.is_some() || known {
+        if !enough || judged(error) > most(extra, judged(best_error)) || objection.is_some() || known {
             return None;
         }
         let tried = model.added.iter().enumerate().map(|(k, &candidate)| {

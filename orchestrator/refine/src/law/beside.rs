@@ -227,7 +227,7 @@ fn sought(
     let floors = |found: &Answer| [found.floor[1].clone(), found.floor[1].clone()];
     let by_effects = share(study, [&found.before[1], &lacking[1]], &floors(found));
     let aim = Aim::Share { min_form_share: MIN_SHARE_OF_REST };
-    let most = MAX_LEFT_BY_FREE_FORM * scaled(study, scale, &lacking[0].rms);
+    let most = MAX_LEFT_BY_FREE_FORM * scaled(study, scale, &lacking[0]);
     let max_tolerances = effects.settings.forward_selection.max_tolerances;
     let scope = Scope { lacking: &lacking[1], enough: most, wide: false, max_tolerances };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);

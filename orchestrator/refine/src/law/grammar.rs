@@ -187,6 +187,9 @@ pub struct Axis {
     pub unit: String,
     /// Least and largest value.
     pub range: (f64, f64),
+    /// Whether a law over it may come back to the same value again and again: teeth along a way, a turn of a shaft, a
+    /// rhythm in time. Over a velocity only beside effects, where all that is simple is in them.
+    pub repeats: bool,
 }
 
 /// A sum of terms.
@@ -341,7 +344,8 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
     let mut found = vec![Term::of(0, Shape::Power(0))];
     for (variable, axis) in axes.iter().enumerate() {
         let both = axis.range.0 < 0.0 && axis.range.1 > 0.0;
-        let mut shapes = vec![Shape::Power(1), Shape::Power(2), Shape::Power(3), Shape::Sine, Shape::Bump];
+        let mut shapes = vec![Shape::Power(1), Shape::Power(2), Shape::Power(3), Shape::Bump];
+        shapes.extend(axis.repeats.then_some(Shape::Sine));
         shapes.extend([Shape::Above, Shape::Below, Shape::AboveSquared, Shape::BelowSquared, Shape::Step]);
         if both {
             shapes.extend([Shape::Magnitude, Shape::Square, Shape::Sign, Shape::Peak, Shape::Power(5)]);
@@ -374,7 +378,11 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
                         ],
                     };
                     let mirrored = Term { factors: term.factors.iter().rev().copied().collect() };
-                    let sense = one != Shape::Decay || axes[a].range.0 >= 0.0;
+                    let sense = match one {
+                        Shape::Decay => axes[a].range.0 >= 0.0,
+                        Shape::Sine => axes[a].repeats,
+                        _ => true,
+                    };
                     if sense && !found.contains(&mirrored) {
                         found.push(term);
                     }
@@ -391,7 +399,7 @@ mod tests {
     use airloop_expression::Expression;
 
     fn axes() -> Vec<Axis> {
-        let axis = |name, unit: &str, range| Axis { name, unit: unit.into(), range };
+        let axis = |name, unit: &str, range| Axis { name, unit: unit.into(), range, repeats: true };
         vec![axis("x", "m", (-0.2, 0.3)), axis("v", "m/s", (-1.0, 1.0))]
     }
 

@@ -210,7 +210,7 @@ impl Finder<'_> {
         let most_is_left = left.error > MIN_LEFT_FOR_MEMORY * declared.error;
         let explained = law.as_ref().is_some_and(|own| self.explains(study, judge, &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
-        let left_by_effects = scaled(study, self.scale, &answer.after[0].rms);
+        let left_by_effects = scaled(study, self.scale, &answer.after[0]);
         let floors = judge.floors(left_by_effects.min(left.error).powi(2));
         let much = floors > MIN_FLOORS_FOR_MEMORY_OF_EFFECTS;
         let memory = if most_is_left && !explained && (self.wide || much) && !stop::asked() {

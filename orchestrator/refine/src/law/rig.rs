@@ -273,7 +273,8 @@ impl Finder<'_> {
                 Variable::Position => x.clone(),
                 _ => f.clone(),
             };
-            Axis { name: name(*variable), unit, range: (knots[0], knots[knots.len() - 1]) }
+            let range = (knots[0], knots[knots.len() - 1]);
+            Axis { name: name(*variable), unit, range, repeats: *variable != Variable::Velocity }
         };
         form.surface.variables.iter().zip(&form.surface.knots).map(axis).collect()
     }

@@ -1,6 +1,5 @@
 //! The law at a port of a study: free form, formula, exact fits, the answer.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::extent::Extent;
@@ -19,7 +18,7 @@ use crate::study::catalog::{self, Candidate};
 use crate::study::colored;
 use crate::study::declaration::Role;
 use crate::study::effects;
-use crate::study::errors::errors;
+use crate::study::errors::{errors, force};
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Point, Variable};
@@ -119,7 +118,7 @@ fn sought(
     }
     // What a law may leave that does not explain the records to the noise.
     let enough = match partly {
-        true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0].rms),
+        true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0]),
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
@@ -376,10 +375,15 @@ impl Finder<'_> {
             errors(&fits, &model.added, pieces, &model.fit.parameters, locals)
         };
         let own = fits.as_declared(&model);
-        let after = [
+        let mut after = [
             errors(&fits, &model.added, &pieces(study, Role::Estimation), &own.parameters, Some(&own.locals)),
             of(&model, &validation, None),
         ];
+        let forces = force(&fits, &model.added, &own.parameters, [Role::Estimation, Role::Validation]);
+        for (errors, force) in after.iter_mut().zip(forces) {
+            errors.rms.extend(force.rms);
+            errors.nrmse.extend(force.nrmse);
+        }
         let floor = answer.floor[1].clone();
         let share = share(study, [&self.lacking, &after[1]], &[floor.clone(), floor]);
         let gained = 1.0 - self.error(study, &model) / declared.error;
@@ -485,9 +489,10 @@ fn sources(words: &str, tap: &Tap, variables: &[Variable]) -> String {
 }
 
 /// Root of the mean square over the outputs, each in units of its scale.
-pub(super) fn scaled(study: &Study, scale: &[f64], rms: &BTreeMap<String, f64>) -> f64 {
+pub(super) fn scaled(study: &Study, scale: &[f64], errors: &Errors) -> f64 {
     let one = |(output, scale): (&Output, &f64)| {
-        let own = rms.get(&output.name).copied().unwrap_or(0.0);
+        let white = errors.white.get(&output.name).map(|own| own * output.noise);
+        let own = white.or(errors.rms.get(&output.name).copied()).unwrap_or(0.0);
         (own / scale).powi(2)
     };
     let sum: f64 = study.outputs.iter().zip(scale).map(one).sum();

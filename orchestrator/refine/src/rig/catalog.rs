@@ -36,6 +36,7 @@ fn linear(id: &'static str, channel: &'static str, indices: &[usize]) -> Candida
         signal: None,
         free: indices.iter().map(|&i| free(i)).collect(),
         starts,
+        place: 0,
         contains: None,
     }
 }

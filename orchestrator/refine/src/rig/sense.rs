@@ -81,7 +81,8 @@ mod tests {
         let fit = Fit { parameters, free: own.clone(), locals: Vec::new(), chi2: 0.0, covariance, at_bound };
         let model = Model { added: vec![0], fit, left: Vec::new() };
         let starts = Vec::new();
-        let candidate = Candidate { id, channel: "c", signal: None, free: own, starts, contains: None };
+        let candidate =
+            Candidate { id, channel: "c", signal: None, free: own, starts, place: 0, contains: None };
         let positions = (0..1000).map(|k| 1e-4 * f64::from(k)).collect();
         objection(&candidate, &model, &Reach { positions, speed: 0.5 }).is_some()
     }

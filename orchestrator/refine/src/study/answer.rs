@@ -19,6 +19,7 @@ use super::resolution;
 use super::search::{Say, Selection, confirm, search};
 use super::sign_change;
 use super::smoothed;
+use super::starts;
 use super::whole::Whole;
 use super::with_corrections;
 use crate::Error;
@@ -72,7 +73,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     let mut quick = fits.quick;
     say("noise floor");
-    let judge = Judge::new(&fits, &model, settings.draws, settings.seed);
+    let mut judge = Judge::new(&fits, &model, settings.draws, settings.seed);
     let viscous = {
         let view = fits.view(&[], &fits.pieces);
         let whole = Whole::new(&view, judge.floor(&fits), say);
@@ -91,6 +92,17 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         model = afresh(&fits, model);
         exact = exact::search(&fits, &judge, &model, settings, say);
         quick = fits.quickened(&model).quick;
+    }
+    // Noise of the states that windows start from grows as the model lets it.
+    if let Err(Some(best)) = &exact
+        && !study.starts.is_empty()
+        && !stop::asked()
+    {
+        study.starts = starts::starts(&study, &best.added, &best.fit.parameters);
+        let fits = Fits::new(&study, scale.clone());
+        judge = Judge::new(&fits, best, settings.draws, settings.seed);
+        model = afresh(&fits, model);
+        exact = exact::search(&fits, &judge, &model, settings, say);
     }
     stop::stage(1.0);
     let fits = Fits { quick, ..Fits::new(&study, scale.clone()) };
@@ -219,7 +231,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
-    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study));
+    let refused = explained::refuse_what_explains_too_little(&mut found, &first_place(&study))
+        || explained::refuse_other_values_of_estimation(&mut found, &first_place(&study));
     if refused {
         found.fitted = fitted(&study, &found.parameters[0]);
     }
@@ -441,7 +454,11 @@ fn afresh(fits: &Fits, model: Model) -> Model {
 fn scales(study: &Study, declared: &Fit) -> Vec<f64> {
     let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
     let errors = errors(&fits, &[], &fits.pieces, &declared.parameters, Some(&declared.locals));
-    study.outputs.iter().map(|o| errors.rms.get(&o.name).copied().unwrap_or(1.0).max(o.noise)).collect()
+    let one = |o: &super::model::Output| {
+        let white = errors.white.get(&o.name).map(|own| own * o.noise);
+        white.or(errors.rms.get(&o.name).copied()).unwrap_or(1.0).max(o.noise)
+    };
+    study.outputs.iter().map(one).collect()
 }
 
 /// Difference steps of the candidates; those that change nothing are taken out. The declared model in the new scale.

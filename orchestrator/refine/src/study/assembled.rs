@@ -17,6 +17,9 @@ use super::steps;
 use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict};
 use crate::engine::stop;
 
+/// Sentence on the errors of windows.
+const FROM_MEASURED_STATES: &str = "Windows start from measured states, whose noise is part of the errors in units of the signals. The search, shares and multiples of the floor leave it out: they are of residuals that are white where nothing but noise is left.";
+
 /// The model of an answer, with what is printed of it.
 struct Shown<'a> {
     model: &'a Model,
@@ -176,9 +179,13 @@ pub(super) fn notes(
         )
     }));
     notes.extend(remarks::remarks(fits, selection, shown, printed));
+    if !errors.white.is_empty() {
+        notes.push(FROM_MEASURED_STATES.into());
+    }
     for output in &study.outputs {
         let left = errors.rms.get(&output.name).copied().unwrap_or(0.0);
-        let times = left / floor.get(&output.name).copied().unwrap_or(output.noise);
+        let of_floor = || left / floor.get(&output.name).copied().unwrap_or(output.noise);
+        let times = errors.white.get(&output.name).copied().unwrap_or_else(of_floor);
         if times > 2.0 {
             notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: {STILL_MISSING}.", output.name));
         }

@@ -34,7 +34,7 @@ pub fn changed(study: &Study, fit: &Fit, most: f64) -> Vec<Free> {
 /// A change of a declared parameter as a candidate of the engine.
 pub fn candidate(free: Free) -> Candidate {
     let starts = vec![Start { values: Vec::new(), open: vec![0], idle: true }];
-    Candidate { id: "", channel: "", signal: None, free: vec![free], starts, contains: None }
+    Candidate { id: "", channel: "", signal: None, free: vec![free], starts, place: 0, contains: None }
 }
 
 /// Number of the group of effects that the records cannot tell from a change.

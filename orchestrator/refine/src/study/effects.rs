@@ -151,7 +151,17 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
         (0..best.added.len()).map(|k| selection.stability.get(k).map_or(0.0, |own| own.gain)).collect();
     let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
     let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
-    ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect()
+    let mut order: Vec<usize> = ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect();
+    // A level of nothing that another effect needs to act on is not what is lacking first.
+    order.sort_by_key(|&c| is_nothing(fits.study, best, c));
+    order
+}
+
+/// Whether the first parameter of an effect may as well be zero.
+fn is_nothing(study: &Study, model: &Model, c: usize) -> bool {
+    let (own, fit) = (study.candidates[c].entries.start, &model.fit);
+    let place = fit.free.iter().position(|free| free.index == own);
+    place.is_some_and(|a| fit.parameters[own].abs() < 1.96 * fit.covariance[(a, a)].max(0.0).sqrt())
 }
 
 /// An effect with intervals that hold those of the same model fitted with residuals as the independent samples that

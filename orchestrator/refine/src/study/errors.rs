@@ -3,11 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::declaration::Role;
+use super::explain::noises;
 use super::fits::{Fits, Model, pieces};
 use super::force::ForceView;
 use super::model::{Study, Target};
 use super::noise::{Column, Noisy};
 use super::simulate::{Piece, View};
+use super::starts::Starts;
 use crate::answer::Errors;
 use crate::engine::fit::{Free, fit};
 use crate::engine::noise::Noise;
@@ -56,12 +58,36 @@ pub(super) fn errors_from(
             }
         }
     }
+    found.white = white(&view, locals, (p, from));
     for (signal, (n, error, sum, square)) in sums {
         let spread = (square / n - (sum / n).powi(2)).max(f64::MIN_POSITIVE);
         found.rms.insert(signal.clone(), (error / n).sqrt());
         found.nrmse.insert(signal, (error / n / spread).sqrt());
     }
     found
+}
+
+/// Rms by output, in multiples of its noise, without what noise of the states gives that windows start from; empty where
+/// that is not known.
+fn white(view: &View, locals: &[Vec<f64>], (p, from): (&[f64], &[usize])) -> BTreeMap<String, f64> {
+    let known = |piece: &Piece| view.study.starts.get(piece.record).is_some_and(Starts::is_known);
+    if !view.pieces.iter().all(known) {
+        return BTreeMap::new();
+    }
+    let view = View { scale: noises(view.study), white: true, ..view.clone() };
+    let mut sums: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+    for (r, local) in locals.iter().enumerate() {
+        let residuals = view.residuals(r, p, local);
+        let mut there = vec![1.0; residuals.len()];
+        view.silence(r, &mut there);
+        for span in view.signals(r) {
+            let sum = sums.entry(span.signal).or_default();
+            let range = span.range.start + from[r]..span.range.end;
+            let own = residuals[range.clone()].iter().zip(&there[range]).filter(|(_, there)| **there != 0.0);
+            *sum = own.fold(*sum, |sum, (value, _)| (sum.0 + 1.0, sum.1 + value * value));
+        }
+    }
+    sums.into_iter().map(|(signal, (n, square))| (signal, (square / n).sqrt())).collect()
 }
 
 /// Initial states of pieces, fitted where the study says so.
@@ -79,7 +105,7 @@ pub fn floor(fits: &Fits, model: &Model, role: Role, seed: u64) -> BTreeMap<Stri
         _ => initial(fits, added, &pieces, p),
     };
     let scale = vec![1.0; study.outputs.len()];
-    let view = View { corrected: false, scale, ..fits.view(added, &pieces) };
+    let view = View { corrected: false, white: false, scale, ..fits.view(added, &pieces) };
     let noisy = Noisy::new(&view, p, &locals, seed);
     let found = parallel::map(pieces.len(), |r| {
         let (predicted, bias) = (view.predict(r, p, &locals[r]), noisy.bias(r));

@@ -130,8 +130,34 @@ fn fewest(
         rules: Rules { always, may_join: Some(&may_join), sense: Some(&sense) },
     };
     let effort = Effort { max_effects: settings.max_effects, ..EFFORT };
-    let start = search.fit(&[], &[], &start.parameters, &start.locals, ROUNDS);
-    select(&search, start, &[], effort, &Vec::new)
+    let declared = search.fit(&[], &[], &start.parameters, &start.locals, ROUNDS);
+    let mut found = select(&search, declared, &[], effort, &Vec::new);
+    if found.explained {
+        special_cases(&search, start, &mut found);
+    }
+    found
+}
+
+/// Puts effects in the place of those that only add freedom to them, where that takes nothing away: a lag for one with
+/// a time for each direction.
+fn special_cases(search: &Search<Whole>, start: &Fit, found: &mut select::Selection) {
+    for k in 0..found.best.added.len() {
+        let own = &search.candidates[found.best.added[k]];
+        let Some(simple) = search.candidates.iter().position(|other| own.adds_to(other)) else { continue };
+        let mut added = found.best.added.clone();
+        added[k] = simple;
+        for from in &search.candidates[simple].starts {
+            let mut p = found.best.fit.parameters.clone();
+            own.free.iter().for_each(|free| p[free.index] = start.parameters[free.index]);
+            from.values.iter().for_each(|&(index, value)| p[index] = value);
+            let model = search.fit(&added, &[], &p, &found.best.fit.locals, ROUNDS);
+            let risen = model.fit.chi2 - found.best.fit.chi2;
+            if risen < select::MAX_DIFFERENCE_OF_CRITERION && model.worst().is_finite() {
+                found.best = model;
+                break;
+            }
+        }
+    }
 }
 
 /// Declared parameters of which another value may be missing: those that no effect of the list does the same as.

@@ -180,6 +180,7 @@ impl<'a> Fits<'a> {
             quick,
             substeps,
             corrected: true,
+            white: true,
             begins: Vec::new(),
             remembered: Arc::clone(&self.remembered),
         }

@@ -186,6 +186,7 @@ impl View<'_> {
         let residual = |mut own: Vec<f64>| {
             own.iter_mut().enumerate().for_each(|(i, value)| *value /= -self.scale[i / n]);
             self.silence(record, &mut own);
+            self.without_starts(record, &mut own);
             own
         };
         let mut heights: Vec<Option<Vec<f64>>> = heights.into_iter().map(|own| Some(residual(own))).collect();

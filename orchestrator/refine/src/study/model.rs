@@ -210,6 +210,8 @@ pub struct Study {
     pub positions: Vec<Vec<f64>>,
     /// Restart of the simulation \[s\].
     pub windows: Option<f64>,
+    /// By record: how its windows answer noise of the states that they start from; empty: not known.
+    pub starts: Vec<super::starts::Starts>,
     /// Force residual: rule, velocity state, tap, output column of the driving force.
     pub force: Option<(ForceRule, usize, usize, String)>,
     /// Whether components have time events, so states of their own that no sensor shows.

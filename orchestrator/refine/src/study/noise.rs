@@ -163,8 +163,12 @@ impl<'a> Noisy<'a> {
     /// Residuals that smoothed derivatives give, in units of the scale of the view.
     pub fn bias(&self, r: usize) -> Vec<f64> {
         let n = self.view.pieces[r].range.len();
-        let own = &self.slopes[r].bias;
-        own.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]).collect()
+        let own = self.slopes[r].bias.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]);
+        let mut own: Vec<f64> = own.collect();
+        if !own.is_empty() {
+            self.view.without_starts(r, &mut own);
+        }
+        own
     }
 }
 
@@ -220,6 +224,19 @@ fn smoothing(
         )
     };
     study.sensors.signals[list].iter().zip(values).map(one).collect()
+}
+
+/// Rms of the noise of each measured state of a record, with what smoothing adds to derivatives; none where no sensor
+/// shows it.
+pub fn of_states(study: &Study, record: &Record, seed: u64) -> Vec<Option<f64>> {
+    let columns = drawn(study, (record.role, record.n), &BTreeMap::new(), &mut Noise::new(seed, 0));
+    let noise = study.sensors.made(1, record, &columns);
+    let smoothed = smoothing(study, record, 1, &record.states);
+    let rms = |own: &[f64]| (own.iter().map(|e| e * e).sum::<f64>() / own.len().max(1) as f64).sqrt();
+    let one = |(noise, smoothed): (Option<Vec<f64>>, Option<Vec<f64>>)| {
+        noise.map(|own| rms(&own).hypot(smoothed.map_or(0.0, |own| rms(&own))))
+    };
+    noise.into_iter().zip(smoothed).map(one).collect()
 }
 
 /// Known errors of smoothed measured states, times `share`.
@@ -390,6 +407,7 @@ impl System for Noisy<'_> {
         let mut found: Vec<f64> =
             found.iter().enumerate().map(|(i, value)| value / self.view.scale[i / n]).collect();
         self.view.silence(r, &mut found);
+        self.view.without_starts(r, &mut found);
         found
     }
 }

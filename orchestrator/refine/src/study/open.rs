@@ -442,6 +442,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
         ranges: Vec::new(),
         positions: Vec::new(),
         windows: declaration.error.windows_s,
+        starts: Vec::new(),
         force,
         sampled,
         steps_alone: slaves.is_some(),

@@ -33,6 +33,9 @@ const MAX_SHARE_OF_RANGE: f64 = 0.5;
 /// Share of the duration of the longest record over which a value may fall and not be lower from the beginning on.
 const MIN_SHARE_OF_DURATION: f64 = 0.02;
 
+/// Share of the travel that lies below the level of an overflow at least: one at the lowest level is a leak.
+const MIN_SHARE_BELOW_LEVEL: f64 = 0.02;
+
 /// Share of the travel over which friction may give way before it slides.
 const MAX_PRESLIDING: f64 = 0.25;
 
@@ -101,7 +104,8 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
         }),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
         Law::Overflow => against(p[0] > 0.0, "it would flow in".into()).or_else(|| {
-            against(p[1] >= low, format!("at {} {unit} it lies below {}", short(p[1]), positions()))
+            let within = p[1] >= low + MIN_SHARE_BELOW_LEVEL * travel;
+            against(within, format!("at {} {unit} it lies below {}", short(p[1]), positions()))
         }),
         Law::Coulomb | Law::Load if p.len() == 2 => against(
             p[1] <= MAX_SIGN_CHANGE * speed,

@@ -183,12 +183,14 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
         .collect();
     let mechanical: Vec<usize> =
         (0..inputs.len()).filter(|&port| moved[port].iter().any(|&s| velocity_like(port, s))).collect();
-    let first = |alike: fn(&Sense, usize, usize) -> bool| -> Vec<Option<usize>> {
-        let one =
-            |port: usize| (0..port).find(|&other| !moved[port].is_empty() && alike(&sense, port, other));
-        (0..inputs.len()).map(one).collect()
+    type Alike = fn(&Sense, usize, usize) -> bool;
+    let first = |port: usize, alike: Alike, may: &dyn Fn(usize) -> bool| {
+        (0..port).find(|&other| may(other) && !moved[port].is_empty() && alike(&sense, port, other))
     };
-    let (moves, like) = (first(moves_alike), first(is_alike));
+    // A signal that moves the same states as a force is none, wherever it is declared.
+    let acts_as_force = |other: usize| mechanical.contains(&other);
+    let moves: Vec<_> = (0..inputs.len()).map(|port| first(port, moves_alike, &acts_as_force)).collect();
+    let like: Vec<_> = (0..inputs.len()).map(|port| first(port, is_alike, &|_| true)).collect();
     let own: Vec<usize> = mechanical.iter().copied().filter(|&port| moves[port].is_none()).collect();
     let choices: Vec<Vec<(usize, f64)>> = own
         .iter()
@@ -345,7 +347,7 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
     let fed = |port: &Port| file.declaration.inputs.contains_key(&port.name);
     if stated.is_empty() {
         let own = ports.iter().map(|port| (port, duty(&ports, port, &fed)));
-        let own = own.filter(|(port, duty)| duty.forces || duty.constants || fed(port));
+        let own = own.filter(|(port, duty)| duty.forces || duty.constants || duty.passes || fed(port));
         return Ok(own.map(|(port, duty)| filled(&Attachment::at(&port.name), port, duty)).collect());
     }
     let one = |own: &Attachment| {
@@ -371,10 +373,9 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     let forces = alike().find(quiet).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
     let constants =
         alike().find(|own| fed(own)).or_else(|| alike().next()).is_none_or(|own| own.name == port.name);
-    // What a signal that acts as a command or a force lacks, these lack.
-    let elsewhere = |own: &Port| fed(own) || own.kind == Kind::Mechanical;
+    // What a signal that acts as a command lacks, that command lacks; a force beside it that nothing drives has none.
     let first = alike().find(|own| passes(own)).is_some_and(|own| own.name == port.name);
-    let passes = first && !alike().any(elsewhere);
+    let passes = first && !alike().any(fed);
     Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills, passes }
 }
 

@@ -107,6 +107,18 @@ impl View<'_> {
         }
     }
 
+    /// Takes from residuals of a piece, in units of the scale, what noise of the states gives that windows start from.
+    pub(super) fn without_starts(&self, record: usize, residuals: &mut [f64]) {
+        let piece = &self.pieces[record];
+        let own = self.study.starts.get(piece.record).filter(|_| self.white && self.begins.is_empty());
+        let Some(own) = own else { return };
+        let n = piece.range.len();
+        let unit = |o: usize| self.study.outputs[o].noise / self.scale[o];
+        residuals.iter_mut().enumerate().for_each(|(i, value)| *value /= unit(i / n));
+        own.whiten(&piece.range, residuals);
+        residuals.iter_mut().enumerate().for_each(|(i, value)| *value *= unit(i / n));
+    }
+
     fn fitted(&self, record: &Record) -> bool {
         self.study.windows.is_none() && record.initial == Initial::Word(InitialWord::Fit)
     }
@@ -202,6 +214,7 @@ impl System for View<'_> {
         let own = measured.iter().zip(predicted).enumerate().map(|(i, (m, p))| (m - p) / self.scale[i / n]);
         let mut residuals: Vec<f64> = own.collect();
         self.silence(record, &mut residuals);
+        self.without_starts(record, &mut residuals);
         residuals
     }
 

@@ -3,6 +3,7 @@
 use super::catalog;
 use super::declaration::{Attachment, File, Role};
 use super::fits::{Fits, pieces};
+use super::horizon;
 use super::integration;
 use super::model::Study;
 use super::observability;
@@ -13,6 +14,7 @@ use super::settled;
 use super::sign;
 use super::simulate::Piece;
 use super::spiked;
+use super::starts;
 use super::tolerance;
 use crate::Error;
 use crate::engine::System;
@@ -45,12 +47,16 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let fitted = declared(file, &study);
+    if let Ok(declared) = &fitted {
+        horizon::check(file, &study, declared, &played(&study, declared))?;
+    }
     let suspicion = sign::check(file, &mut study)?;
     let declared = fitted?;
     let played = played(&study, &declared);
     scale::check(file, &study, &played)?;
     settled::check(file, &study, &played)?;
     spiked::silence(&mut study, &declared);
+    study.starts = starts::starts(&study, &[], &declared.parameters);
     let (mut survey, trace) = {
         let fits = Fits::new(&study, vec![1.0; study.outputs.len()]);
         let view = fits.view(&[], &fits.pieces);

@@ -114,6 +114,7 @@ pub fn add(fits: &Fits, selection: &Selection, shown: &Model, found: &mut Answer
         for (own, after) in found.after.iter_mut().zip(&after) {
             own.rms.insert(name.clone(), after.rms[name]);
             own.nrmse.insert(name.clone(), after.nrmse[name]);
+            own.white.extend(after.white.get(name).map(|white| (name.clone(), *white)));
         }
         found.parameters[1][entry] = step;
         if found.verdict == Verdict::Nothing {

@@ -51,6 +51,8 @@ pub struct View<'a> {
     pub substeps: usize,
     /// Measured initial states without what smoothing adds to them; otherwise as the study says.
     pub corrected: bool,
+    /// Residuals without what noise of the states gives that windows start from.
+    pub white: bool,
     /// States at the start of each piece, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces start
     /// as the study says.
     pub begins: Vec<Vec<f64>>,

@@ -1,8 +1,10 @@
 //! A study as one system of the engine, with its candidates and models as the engine has them: the parameter vector
 //! says which candidates act.
 
+use super::command::Command;
 use super::fits::{self, Fits};
-use super::model::Study;
+use super::law::Law;
+use super::model::{Action, Study};
 use super::simulate::{Piece, View};
 use crate::engine::candidate::{Candidate, Start};
 use crate::engine::fit::Free;
@@ -86,6 +88,32 @@ impl System for Whole<'_> {
     }
 }
 
+/// Id of an effect that others contain or that contains one, that of the contained one, and its place.
+fn special_case(action: Action) -> (&'static str, Option<&'static str>, usize) {
+    let memory = match action {
+        Action::Command { kind, .. } | Action::Block { law: Law::Memory(kind), .. } => Some(kind),
+        _ => None,
+    };
+    let (id, contains) = match (memory, action) {
+        (Some(Command::Lag), _) => ("lag", None),
+        (Some(Command::Fill), _) => ("fill", Some("lag")),
+        // With much damping.
+        (Some(Command::Mode), _) => ("mode", Some("lag")),
+        (_, Action::Block { law: Law::Saturation, .. }) => ("saturation", None),
+        (_, Action::Block { law: Law::Limits, .. }) => ("limits", Some("saturation")),
+        (_, Action::Block { law: Law::Leakage, .. }) => ("linear_leakage", None),
+        // Far above the pressure outside.
+        (_, Action::Block { law: Law::Choked, .. }) => ("choked_flow", Some("linear_leakage")),
+        _ => ("", None),
+    };
+    let place = match action {
+        Action::Command { input, .. } => input,
+        Action::Block { tap, .. } => tap,
+        _ => 0,
+    };
+    (id, contains, place)
+}
+
 /// A candidate as the engine sees it; names stay in the study.
 pub fn candidate(study: &Study, c: usize) -> Candidate {
     let own = &study.candidates[c];
@@ -97,7 +125,8 @@ pub fn candidate(study: &Study, c: usize) -> Candidate {
         Start { values: set.into_iter().map(|k| (first + k, values[k])).collect(), open, idle }
     };
     let starts = own.starts.iter().map(start).collect();
-    Candidate { id: "", channel: own.channel, signal: None, free, starts, contains: None }
+    let (id, contains, place) = special_case(own.action);
+    Candidate { id, channel: own.channel, signal: None, free, starts, place, contains }
 }
 
 /// A model of the engine as one of the study.

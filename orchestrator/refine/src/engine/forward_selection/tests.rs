@@ -91,6 +91,7 @@ fn asked_with<T>(
         signal: None,
         free: vec![free(index)],
         starts: vec![Start { values: Vec::new(), open: vec![0], idle: true }],
+        place: 0,
         contains: None,
     };
     let slope = if twin { candidate("slope", 0) } else { candidate("", 2) };
