@@ -232,6 +232,20 @@ mod tests {
     }
 
     #[test]
+    fn another_value_that_suits_the_estimation_records_alone_is_withdrawn() {
+        let judged = |id: &str, estimation: f64, validation: f64| {
+            let mut found = effect(&[(1.0, validation)]);
+            found.after[0].rms.insert("y0".into(), estimation);
+            found.effects.push(Effect { id: id.into(), selected: true, ..Effect::default() });
+            (refuse_other_values_of_estimation(&mut found, "motor"), found.verdict, found.effects[0].selected)
+        };
+        assert_eq!(judged("parameter@R", 0.01, 0.15), (true, Verdict::Unexplained, false));
+        assert_eq!(judged("parameter@R", 0.01, 0.03), (false, Verdict::Effect, true));
+        assert_eq!(judged("parameter@R", 0.1, 0.15), (false, Verdict::Effect, true));
+        assert_eq!(judged("coulomb@tau", 0.01, 0.15), (false, Verdict::Effect, true));
+    }
+
+    #[test]
     fn one_signal_that_is_explained_is_enough() {
         let mut found = answer(&[0.01, 0.999]);
         refuse_where_nothing_is(&mut found, "pole");

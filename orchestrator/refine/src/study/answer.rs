@@ -84,7 +84,13 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     // The rest of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
     let mut exact = exact::search(&Fits::new(&study, scale.clone()), &judge, &model, settings, say);
-    if let Err(Some(best)) = &exact
+    // The error of integration may be what a second effect makes up for.
+    let alone = match &exact {
+        Err(best) => best.as_deref(),
+        Ok(own) if own.effects() > 1 => own.singles.first(),
+        Ok(_) => None,
+    };
+    if let Some(best) = alone
         && let Some(substeps) = integration::finer(&Fits::new(&study, scale.clone()), best)
     {
         study.substeps = substeps;

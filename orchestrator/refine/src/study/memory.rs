@@ -1,18 +1,20 @@
 //! Effects with a memory on a signal inside of the system, which no record shows: they follow what the simulation
 //! passes on. At the beginning of a span they have settled at the first value.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 
 use super::command::{Command, lag_along, mode_along};
 
 /// Parts of the line between two points in time.
 const PARTS: usize = 8;
+/// Share of a step by which times may differ that are the same.
+const MAX_ROUNDING: f64 = 1e-6;
 
 /// History of one effect beside its states.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    /// Time \[s\] and value that came in at the sample, in between, and last.
-    entered: [Cell<(f64, f64)>; 3],
+    /// Time \[s\] and value that came in, from the sample on.
+    entered: RefCell<Vec<(f64, f64)>>,
     /// Time \[s\] and value at the samples before: of a delay.
     past: RefCell<Vec<(f64, f64)>>,
 }
@@ -31,40 +33,62 @@ impl Memory {
         (sample, now): (f64, f64),
         value: f64,
     ) -> f64 {
-        let [first, middle, last] = &self.entered;
-        if now <= sample {
-            first.set((now, value));
-        } else if last.get().0 > sample && last.get().0 < now {
-            middle.set(last.get());
-        }
-        last.set((now, value));
+        let first = {
+            let mut entered = self.entered.borrow_mut();
+            let known = entered.partition_point(|own| own.0 < now);
+            entered.truncate(if now <= sample { 0 } else { known });
+            entered.push((now, value));
+            entered[0].1
+        };
         if kind == Command::Delay {
-            return self.before(now - p[0].max(0.0), [(sample, first.get().1), (now, value)]);
+            return self.before(now - p[0].max(0.0), [(sample, first), (now, value)]);
         }
         self.followed((kind, p), z, sample, (now, value))[0]
     }
 
     /// States after `step` \[s\] from the sample, by what came in since.
     pub(super) fn advance(&self, (kind, p): (Command, &[f64]), z: &mut [f64], sample: f64, step: f64) {
-        let [(_, from), (time, last)] = [self.entered[0].get(), self.entered[2].get()];
+        let ends = |entered: &Vec<(f64, f64)>| Some((entered.first()?.1, *entered.last()?));
+        let Some((from, last)) = ends(&self.entered.borrow()) else { return };
         if kind == Command::Delay {
             self.past.borrow_mut().push((sample, from));
             return;
         }
-        let part = if time > sample { step / (time - sample) } else { 0.0 };
-        let end = (sample + step, from + part * (last - from));
+        let end = if (last.0 - sample - step).abs() < MAX_ROUNDING * step {
+            last
+        } else {
+            let part = if last.0 > sample { step / (last.0 - sample) } else { 0.0 };
+            (sample + step, from + part * (last.1 - from))
+        };
         let found = self.followed((kind, p), z, sample, end);
         z.iter_mut().zip(found).for_each(|(z, found)| *z = found);
     }
 
-    /// States at the time of `end`, by lines from the sample through what came in between.
+    /// States at the time of `end`, from the sample through what came in between: by lines, where three values in equal
+    /// distance come in a line over each half that have the mean of the parabola.
     fn followed(&self, law: (Command, &[f64]), z: &[f64], sample: f64, end: (f64, f64)) -> [f64; 2] {
-        let [(_, from), middle] = [self.entered[0].get(), self.entered[1].get()];
-        if middle.0 > sample && middle.0 < end.0 {
-            let half = follow(law, z, [from, middle.1], middle.0 - sample);
-            return follow(law, &half, [middle.1, end.1], end.0 - middle.0);
+        let entered = self.entered.borrow();
+        let count = entered.partition_point(|own| own.0 < end.0);
+        let at = |k: usize| if k < count { entered[k] } else { end };
+        let mut found = [z[0], z.get(1).copied().unwrap_or(0.0)];
+        let mut k = 0;
+        if count == 0 {
+            return follow(law, &found, [end.1; 2], end.0 - sample);
         }
-        follow(law, z, [from, end.1], end.0 - sample)
+        while k < count {
+            let (a, m, b) = (at(k), at(k + 1), at(k + 2));
+            let halves = k + 2 <= count && (a.0 + b.0 - 2.0 * m.0).abs() < MAX_ROUNDING * (b.0 - a.0);
+            if halves && is_smooth(law.0) {
+                let middle = (4.0 * m.1 - 0.5 * (a.1 + b.1)) / 3.0;
+                found = follow(law, &found, [a.1, middle], m.0 - a.0);
+                found = follow(law, &found, [middle, b.1], b.0 - m.0);
+                k += 2;
+            } else {
+                found = follow(law, &found, [a.1, m.1], m.0 - a.0);
+                k += 1;
+            }
+        }
+        found
     }
 
     /// The value at an earlier time, in lines between samples, the first one before all.
@@ -83,6 +107,11 @@ impl Memory {
             Some(k) => line(past[k], past.get(later).copied().unwrap_or(sample)),
         }
     }
+}
+
+/// Whether an effect answers a parabola as it answers lines with the same mean, nearly.
+fn is_smooth(kind: Command) -> bool {
+    matches!(kind, Command::Lag | Command::Fill | Command::Mode)
 }
 
 /// States after `step` \[s\] in which the value goes in a line; the first is what leaves. States that are no numbers
