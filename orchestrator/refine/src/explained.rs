@@ -48,8 +48,8 @@ pub fn refuse_where_validation_shows_more(found: &mut Answer, place: &str) {
     found.unexplained.get_or_insert_with(|| (place.to_owned(), Vec::new()));
 }
 
-/// Signals whose error on validation records is at least `least` times that on estimation records, in multiples of their
-/// floors and at least that floor, in words.
+/// Signals whose error on validation records is at least `least` times that on estimation records, in multiples of
+/// their floors and at least that floor, in words.
 fn unseen(found: &Answer, least: f64) -> Vec<String> {
     let ratio = |set: usize, signal: &str| found.times_floor_on(set, &found.after[set], signal);
     let signals = found.after[1].rms.keys();

@@ -11,8 +11,8 @@ use super::stop;
 const RIVALS: usize = 3;
 
 impl Run<'_> {
-    /// Exchanges each effect for another that does better beside the rest, or as well and is simpler. Of those that only
-    /// a set brought, which took the place of the effects accepted one by one, others that do as well are noted.
+    /// Exchanges each effect for another that does better beside the rest, or as well and is simpler. Of those that a
+    /// set alone brought, which took the place of the effects accepted one by one, others that do as well are noted.
     pub(super) fn exchange(&self, found: &mut Found) {
         if found.best.added.len() < 2 || self.question.changes_among(&found.best.added) {
             return;

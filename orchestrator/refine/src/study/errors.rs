@@ -67,8 +67,8 @@ pub(super) fn errors_from(
     found
 }
 
-/// Rms by output, in multiples of its noise, without what noise of the states gives that windows start from; empty where
-/// that is not known.
+/// Rms by output, in multiples of its noise, without what noise of the states gives that windows start from; empty
+/// where that is not known.
 fn white(view: &View, locals: &[Vec<f64>], (p, from): (&[f64], &[usize])) -> BTreeMap<String, f64> {
     let known = |piece: &Piece| view.study.starts.get(piece.record).is_some_and(Starts::is_known);
     if !view.pieces.iter().all(known) {

@@ -16,9 +16,9 @@ const MIN_NRMSE: f64 = 1.0;
 /// Difference of a state over its size, so small that nothing but the linearized system answers.
 const STEP: f64 = 1e-9;
 const LEAST_SIZE: f64 = 1e-3;
-/// Growth of a difference of an output from which on it may be that of an unstable system, and ratio of the growth at a
-/// time and at half of it from which on it is exponential: a period that depends on the amplitude gives 2, an integrator
-/// behind another 4.
+/// Growth of a difference of an output from which on it may be that of an unstable system, and ratio of the growth at
+/// a time and at half of it from which on it is exponential: a period that depends on the amplitude gives 2, an
+/// integrator behind another 4.
 const MIN_GROWTH: f64 = 30.0;
 const MIN_RATIO_OF_GROWTH: f64 = 5.0;
 /// Growth of a difference in a window.

@@ -1,10 +1,10 @@
 //! Windows that start from measured states: residuals without what noise of those states gives.
 //!
-//! In a window, noise d of the states that it starts from moves all outputs by S d. Where a system forgets slowly, or is
-//! unstable, that is most of what a true model leaves, and whatever brakes its growth would be paid for it. With S of
-//! the declared model or the best one, in units of the noise of states and sensors, the residual a of a window has the covariance
-//! `1 + S S'`; its inverse root, `1 - S V h(L) V'S'` with `S'S = V L V'` and `h(L) = (1 - 1/sqrt(1 + L))/L`, makes it
-//! white again (generalized least squares).
+//! In a window, noise d of the states that it starts from moves all outputs by S d. Where a system forgets slowly, or
+//! is unstable, that is most of what a true model leaves, and whatever brakes its growth would be paid for it. With S
+//! of the declared model or the best one, in units of the noise of states and sensors, the residual a of a window has
+//! the covariance `1 + S S'`; its inverse root, `1 - S V h(L) V'S'` with `S'S = V L V'` and
+//! `h(L) = (1 - 1/sqrt(1 + L))/L`, makes it white again (generalized least squares).
 
 use std::ops::Range;
 
@@ -33,8 +33,8 @@ pub struct Starts {
     carried: Vec<Vec<f64>>,
 }
 
-/// Answers of all records of a study, with the candidates `added` beside the declared model and parameters `p`; empty: it
-/// has no windows.
+/// Answers of all records of a study, with the candidates `added` beside the declared model and parameters `p`; empty:
+/// it has no windows.
 pub fn starts(study: &Study, added: &[usize], p: &[f64]) -> Vec<Starts> {
     if study.windows.is_none() {
         return Vec::new();
