@@ -7,10 +7,6 @@ use super::normal::residuals;
 use super::question::{Step, Tried};
 use crate::share::percent;
 
-/// Multiples of the floor, and share of the whole error, that another value of a declared parameter may leave.
-const MAX_FLOORS_OF_CHANGE: f64 = 3.0;
-const MAX_LEFT_BY_CHANGE: f64 = 0.05;
-
 impl Run<'_> {
     /// Why a candidate is no effect that matters, if it is none.
     pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
@@ -34,18 +30,6 @@ impl Run<'_> {
                 percent(share),
                 100.0 * s.min_held_out_share
             ));
-        }
-        // Of the right form it leaves noise, or nearly: what is missing often looks like a value that is off.
-        if q.is_change(tried.candidate) {
-            let floor = q.held_out.floor(&q.records);
-            if tried.error > MAX_FLOORS_OF_CHANGE * floor
-                && tried.error > MAX_LEFT_BY_CHANGE * self.whole_error
-            {
-                return Some(format!(
-                    "with another value of the declared parameter {:.1} times the noise is left: what is missing has another form",
-                    tried.error / floor
-                ));
-            }
         }
         if tried.alone < s.min_share_alone {
             return Some(format!(
