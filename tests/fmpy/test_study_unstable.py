@@ -106,7 +106,7 @@ def write_study(folder, kind, value, seed, windows=True):
         ("delay", "delay@F", "delay", 0.015),
         ("coulomb", "coulomb@F", "force", 0.5),
         ("deadband", "deadband@F", "width", 0.4),
-        ("joint", "coulomb@tau", "force", 0.01),
+        pytest.param("joint", "coulomb@tau", "force", 0.01, marks=pytest.mark.slow),
     ],
 )
 def test_what_it_lacks_is_named_and_not_what_brakes_the_growth_of_noise(tmp_path, kind, name, key, value):
