@@ -6,6 +6,9 @@ import json
 import numpy as np
 import pytest
 
+from held import simulated
+from segments import write_segments
+from test_loops import system_of
 from test_study import amended_has_printed_errors, named, refine
 from third_party_fmu import System, build
 
@@ -14,32 +17,12 @@ MASS, DAMPING, FORCE = 2.0, 25.0, 12.0
 STIFF, SLOW, FILTER = 60.0, 40.0, 0.01
 AXIS = "der_x = v;\nder_v = (force * u + f - damping * v) / mass;\n"
 CONTROLLER = "der_z = r - y;\nder_w = (stiff * (r - y) + slow * z - w) / late;\n"
-TEXT = """<?xml version="1.0" encoding="UTF-8"?>
-<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
-    xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0" name="loop"><ssd:System name="loop">
-  <ssd:Connectors><ssd:Connector name="r" kind="input"><ssc:Real/></ssd:Connector></ssd:Connectors>
-  <ssd:Elements>
-    <ssd:Component name="controller" source="controller.fmu"><ssd:Connectors>
-      <ssd:Connector name="r" kind="input"><ssc:Real/></ssd:Connector>
-      <ssd:Connector name="y" kind="input"><ssc:Real/></ssd:Connector>
-      <ssd:Connector name="w" kind="output"><ssc:Real/></ssd:Connector>
-    </ssd:Connectors></ssd:Component>
-    <ssd:Component name="axis" source="axis.fmu"><ssd:Connectors>
-      <ssd:Connector name="u" kind="input"><ssc:Real/></ssd:Connector>
-      <ssd:Connector name="x" kind="output"><ssc:Real/></ssd:Connector>
-    </ssd:Connectors></ssd:Component>
-  </ssd:Elements>
-  <ssd:Connections>
-    <ssd:Connection startConnector="r" endElement="controller" endConnector="r"/>
-    <ssd:Connection startElement="controller" startConnector="w" endElement="axis" endConnector="u"/>
-    <ssd:Connection startElement="axis" startConnector="x" endElement="controller" endConnector="y"/>
-  </ssd:Connections>
-</ssd:System></ssd:SystemStructureDescription>
-"""
+LINKS = [("r", "controller.r", 1.0, 0.0), ("controller.w", "axis.u", 1.0, 0.0), ("axis.x", "controller.y", 1.0, 0.0)]
+BEGIN = '{ "axis.x" = 0.0, "axis.v" = 0.0, "controller.z" = 0.0, "controller.w" = 0.0 }'
 
 
-def fmus(folder, force_first):
-    """Both FMUs; the axis declares its force before its voltage or behind it."""
+def write_system(folder, force_first):
+    """Both FMUs in their system; the axis declares its force before its voltage or behind it."""
     inputs = {"u": ("V", 1.0), "f": ("N", 0.0)}
     inputs = dict(reversed(inputs.items())) if force_first else inputs
     states = {"x": ("m", 0.1, ""), "v": ("m/s", 0.1, "x")}
@@ -49,15 +32,16 @@ def fmus(folder, force_first):
     values = {"stiff": (STIFF, "V/m", 0.0), "slow": (SLOW, "V/(m.s)", 0.0), "late": (FILTER, "s", 0.0)}
     inputs = {"r": ("m", 1.0), "y": ("m", 0.0)}
     build(System("controller", STEP, 1.0, 1, states, inputs, values, {}, {}, None, short=False), CONTROLLER, folder / "c")
-    for part, name in (("a", "axis"), ("c", "controller")):
-        (folder / part / f"{name}.fmu").rename(folder / f"{name}.fmu")
-    (folder / "system.ssd").write_text(TEXT)
+    components = {"controller": folder / "c" / "controller.fmu", "axis": folder / "a" / "axis.fmu"}
+    system_of(folder, components, LINKS, port="r")
 
 
 def record(wanted, kind, value):
     """Position and voltage of the loop, solved by a Runge-Kutta method of fourth order."""
 
-    def rate(state, r, late):
+    late = value if kind == "lag" else 1.0
+
+    def rate(state, r):
         x, v, z, w, sent = state
         u = sent if kind == "lag" else w
         if kind == "saturation":
@@ -67,31 +51,21 @@ def record(wanted, kind, value):
         pull = FORCE * u - DAMPING * v - (value * np.tanh(v / 0.005) if kind == "coulomb" else 0.0)
         return np.array([v, pull / MASS, r - x, (STIFF * (r - x) + SLOW * z - w) / FILTER, (w - sent) / late])
 
-    state, shown, h, late = np.zeros(5), [], STEP / FINE, value if kind == "lag" else 1.0
-    for r in wanted:
-        shown.append((state[0], state[3]))
-        for _ in range(FINE):
-            a = rate(state, r, late)
-            b = rate(state + h / 2 * a, r, late)
-            c = rate(state + h / 2 * b, r, late)
-            state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c, r, late))
-    return np.array(shown)
+    return simulated(rate, np.zeros(5), wanted, STEP, FINE)[:, [0, 3]]
 
 
 def write_study(folder, kind, value, force_first, seed):
     folder.mkdir(parents=True)
-    fmus(folder, force_first)
+    write_system(folder, force_first)
     text = 'system = "system.ssd"\n[inputs]\nr = { column = "r", hold = true }\n[outputs]\n"axis.x" = { column = "x" }\n"controller.w" = { column = "w" }\n'
-    rng, t = np.random.default_rng(seed), STEP * np.arange(COUNT)
-    for k in range(4):
+    rng, t, records = np.random.default_rng(seed), STEP * np.arange(COUNT), []
+    for _ in range(4):
         sines = sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6.28)) for f in (0.2, 0.6, 1.1))
         wanted = np.round(0.03 * sines + np.repeat(rng.uniform(-0.1, 0.1, COUNT // 100), 100), 4)
         wanted[0] = 0.0
         shown = record(wanted, kind, value) + np.array(NOISE) * rng.standard_normal((COUNT, 2))
-        np.savetxt(folder / f"r{k}.csv", np.column_stack([t, wanted, shown]), delimiter=",", header="time,r,x,w", comments="", fmt="%.9g")
-        role = "estimation" if k < 3 else "validation"
-        begin = '"axis.x" = 0.0, "axis.v" = 0.0, "controller.z" = 0.0, "controller.w" = 0.0'
-        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\ninitial = {{ {begin} }}\n'
+        records.append(np.column_stack([t, wanted, shown]))
+    text += write_segments(folder, records, "time,r,x,w", len(records) * [BEGIN])
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
 
@@ -114,6 +88,7 @@ def test_what_the_loop_lacks_is_named_at_its_port(tmp_path, kind, name, key, val
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert named(report) == [name], result.stdout
     assert report["effects"][0]["params"][key]["value"] == pytest.approx(value, rel=0.03)
+    # Steps of integration show at a controller that is as fast as two samples.
     amended_has_printed_errors(study, tmp_path / "out", report, rel=0.01)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from command import start
+from held import advanced
 from test_study import amended_has_printed_errors, named, refine
 from third_party_fmu import System, build
 
@@ -79,12 +80,7 @@ def record(rng, kind, value, off):
         force = sent[max(0, k - round(value / STEP))] if kind == "delay" else sent[-1]
         if kind == "deadband":
             force = np.sign(force) * max(abs(force) - value, 0.0)
-        h = STEP / FINE
-        for _ in range(FINE):
-            a = rate(state, force)
-            b = rate(state + h / 2 * a, force)
-            c = rate(state + h / 2 * b, force)
-            state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c, force))
+        state = advanced(rate, state, force, STEP, FINE)
     return np.array(rows)
 
 
@@ -118,7 +114,8 @@ def test_what_it_lacks_is_named_and_not_what_brakes_the_growth_of_noise(tmp_path
     assert report["effects"][0]["params"][key]["value"] == pytest.approx(value, rel=0.05)
     assert all(own["floors"] < 2.0 for own in report["remaining"]["signals"].values())
     # Steps of integration show where stiff friction meets an unstable plant.
-    amended_has_printed_errors(study, tmp_path / "out", report, rel=0.03)
+    stiff = kind in ("coulomb", "joint")
+    amended_has_printed_errors(study, tmp_path / "out", report, rel=0.03 if stiff else 1e-3)
 
 
 def test_it_lacks_nothing_where_it_lacks_nothing(tmp_path):
