@@ -225,6 +225,22 @@ pub struct Errors {
     pub white: BTreeMap<String, f64>,
 }
 
+impl Errors {
+    /// Error of a signal in its unit as shares count it: `white` times the `noise` of its sensor where it is known,
+    /// else its rms; 0 without one.
+    pub(crate) fn counted(&self, signal: &str, noise: f64) -> f64 {
+        let white = self.white.get(signal).map(|own| own * noise);
+        white.or(self.rms.get(signal).copied()).unwrap_or(0.0)
+    }
+
+    /// Error of a signal in multiples of that of a true model, whose rms is `floor` \[unit of the signal\]: `white`
+    /// where it is known.
+    pub(crate) fn times(&self, signal: &str, floor: Option<f64>) -> Option<f64> {
+        let of_floor = || Some(self.rms.get(signal)? / floor?);
+        self.white.get(signal).copied().or_else(of_floor)
+    }
+}
+
 /// The answer.
 #[derive(Debug, Clone, Default)]
 pub struct Answer {
@@ -296,8 +312,7 @@ impl Answer {
 
     /// The same on estimation (0) or validation (1) records.
     pub(crate) fn times_floor_on(&self, set: usize, errors: &Errors, signal: &str) -> Option<f64> {
-        let of_floor = || Some(errors.rms.get(signal)? / self.floor_on(set, signal)?);
-        errors.white.get(signal).copied().or_else(of_floor)
+        errors.times(signal, self.floor_on(set, signal))
     }
 
     /// See [`Answer::floor_of`], on estimation (0) or validation (1) records.

@@ -290,7 +290,7 @@ impl Finder<'_> {
 
     /// The free form itself as the law.
     fn curve(&self, study: &mut Study, place: &Place) -> Option<(Model, Arc<Own>, f64)> {
-        let text = curve_text(&place.form.surface, &place.whole.at.smooth.heights, place.axes)?;
+        let text = curve_text(&place.form.surface, &place.whole.at.surrogate.heights, place.axes)?;
         let effect =
             effect(&text, &[("a".into(), "1".into(), 1.0)], place.units, study.taps[place.form.tap].sign)?;
         let (c, p) = self.start(study, place, &effect, &[1.0]);

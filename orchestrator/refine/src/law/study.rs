@@ -490,11 +490,7 @@ fn sources(words: &str, tap: &Tap, variables: &[Variable]) -> String {
 
 /// Root of the mean square over the outputs, each in units of its scale.
 pub(super) fn scaled(study: &Study, scale: &[f64], errors: &Errors) -> f64 {
-    let one = |(output, scale): (&Output, &f64)| {
-        let white = errors.white.get(&output.name).map(|own| own * output.noise);
-        let own = white.or(errors.rms.get(&output.name).copied()).unwrap_or(0.0);
-        (own / scale).powi(2)
-    };
+    let one = |(output, scale): (&Output, &f64)| (errors.counted(&output.name, output.noise) / scale).powi(2);
     let sum: f64 = study.outputs.iter().zip(scale).map(one).sum();
     (sum / scale.len().max(1) as f64).sqrt()
 }

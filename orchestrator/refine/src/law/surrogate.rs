@@ -58,7 +58,7 @@ impl Quadratic {
 /// The quadratic forms of all parts around heights.
 #[derive(Debug, Clone)]
 pub struct Surrogate {
-    /// Heights in the middle.
+    /// Heights around which the system was simulated.
     pub heights: Vec<f64>,
     /// By part.
     pub parts: Vec<Quadratic>,
@@ -359,7 +359,7 @@ impl Approach {
     /// variables.
     pub fn curve(&self, surface: &Surface, residual: f64) -> Vec<[f64; 3]> {
         let [knots] = &surface.knots[..] else { return Vec::new() };
-        let heights = self.smooth.heights.iter().zip(&self.smooth.deviation);
+        let heights = self.surrogate.heights.iter().zip(&self.smooth.deviation);
         knots.iter().zip(heights).map(|(x, (y, s))| [*x, *y, 1.96 * residual * s]).collect()
     }
 

@@ -460,11 +460,7 @@ fn afresh(fits: &Fits, model: Model) -> Model {
 fn scales(study: &Study, declared: &Fit) -> Vec<f64> {
     let fits = Fits::new(study, vec![1.0; study.outputs.len()]);
     let errors = errors(&fits, &[], &fits.pieces, &declared.parameters, Some(&declared.locals));
-    let one = |o: &super::model::Output| {
-        let white = errors.white.get(&o.name).map(|own| own * o.noise);
-        white.or(errors.rms.get(&o.name).copied()).unwrap_or(1.0).max(o.noise)
-    };
-    study.outputs.iter().map(one).collect()
+    study.outputs.iter().map(|o| errors.counted(&o.name, o.noise).max(o.noise)).collect()
 }
 
 /// Difference steps of the candidates; those that change nothing are taken out. The declared model in the new scale.

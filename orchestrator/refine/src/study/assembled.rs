@@ -183,9 +183,8 @@ pub(super) fn notes(
         notes.push(FROM_MEASURED_STATES.into());
     }
     for output in &study.outputs {
-        let left = errors.rms.get(&output.name).copied().unwrap_or(0.0);
-        let of_floor = || left / floor.get(&output.name).copied().unwrap_or(output.noise);
-        let times = errors.white.get(&output.name).copied().unwrap_or_else(of_floor);
+        let floor = floor.get(&output.name).copied().unwrap_or(output.noise);
+        let times = errors.times(&output.name, Some(floor)).unwrap_or(0.0);
         if times > 2.0 {
             notes.push(format!("What is left of {} on validation records is {times:.1} times what noise of the sensors gives a true model: {STILL_MISSING}.", output.name));
         }

@@ -112,41 +112,91 @@ pub fn delayed(values: &[f64], samples: f64) -> Vec<f64> {
 /// `y' = (u - y)/tau` with `tau` by the sign of `u - y`, settled at the first value; exact but for samples in which the
 /// sign changes.
 fn lag(values: &[f64], up: f64, down: f64, step: f64, held: bool) -> Vec<f64> {
+    let (up, down) = (LagStep::new(up, step), LagStep::new(down, step));
     let mut y = values.first().copied().unwrap_or(0.0);
     let mut found = Vec::with_capacity(values.len());
     for (k, &u) in values.iter().enumerate() {
         found.push(y);
         let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
-        y = lag_along(y, [u, next], [up, down], step);
+        y = if rises(y, [u, next]) { up } else { down }.follow(y, [u, next]);
     }
     found
 }
 
-/// Value of a lag after `step` \[s\] in which its input goes from `u` to `next` in a line.
-pub(super) fn lag_along(y: f64, [u, next]: [f64; 2], [up, down]: [f64; 2], step: f64) -> f64 {
-    if step <= 0.0 {
-        return y;
+/// Whether a value follows upwards while its input goes in a line.
+pub(super) fn rises(y: f64, [u, next]: [f64; 2]) -> bool {
+    0.5 * (u + next) > y
+}
+
+/// A lag over steps of one length in which its input goes in a line: its value after one is linear in the value before
+/// and in both ends of the line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LagStep {
+    /// Weight of the value before.
+    decay: f64,
+    /// Weight of the end of the line.
+    end: f64,
+}
+
+impl LagStep {
+    /// Time constant `tau` and `step` \[s\].
+    pub(super) fn new(tau: f64, step: f64) -> LagStep {
+        if step <= 0.0 {
+            return LagStep { decay: 1.0, end: 0.0 };
+        }
+        let steps = tau.max(1e-9) / step;
+        let taken = -(-1.0 / steps).exp_m1();
+        // The particular solution of a line is the line, late by the time constant.
+        LagStep { decay: 1.0 - taken, end: 1.0 - steps * taken }
     }
-    let tau = if 0.5 * (u + next) > y { up } else { down }.max(1e-9);
-    let (decay, slope) = ((-step / tau).exp(), (next - u) / step);
-    // The particular solution of a line is the line, late by the time constant.
-    (u - slope * (tau - step)) + (y - (u - slope * tau)) * decay
+
+    /// The value after the step.
+    pub(super) fn follow(self, y: f64, [from, to]: [f64; 2]) -> f64 {
+        self.decay * y + (1.0 - self.decay - self.end) * from + self.end * to
+    }
 }
 
 /// `y'' + 2 zeta w y' + w^2 y = w^2 u` with u held over each sample or linear between samples.
 fn mode(values: &[f64], freq: f64, zeta: f64, step: f64, held: bool) -> Vec<f64> {
+    let along = ModeStep::new([freq, zeta], step);
     let mut z = [values.first().copied().unwrap_or(0.0), 0.0];
     let mut found = Vec::with_capacity(values.len());
     for (k, &u) in values.iter().enumerate() {
         found.push(z[0]);
         let next = values.get(k + 1).copied().filter(|_| !held).unwrap_or(u);
-        z = mode_along(z, [u, next], [freq, zeta], step);
+        z = along.follow(z, [u, next]);
     }
     found
 }
 
+/// A mode over steps of one length in which its input goes in a line: value and rate after one are linear in those
+/// before and in both ends of the line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ModeStep {
+    /// Value and rate after a step, by value and rate before, beginning and end of the line.
+    columns: [[f64; 2]; 4],
+}
+
+impl ModeStep {
+    /// Frequency \[Hz\] and damping ratio, `step` \[s\].
+    pub(super) fn new(p: [f64; 2], step: f64) -> ModeStep {
+        let unit = |own: usize| {
+            let at = |k: usize| f64::from(u8::from(k == own));
+            mode_along([at(0), at(1)], [at(2), at(3)], p, step)
+        };
+        ModeStep { columns: std::array::from_fn(unit) }
+    }
+
+    /// Value and rate after the step.
+    pub(super) fn follow(&self, z: [f64; 2], line: [f64; 2]) -> [f64; 2] {
+        let [value, rate, from, to] = &self.columns;
+        let row = |i: usize| value[i] * z[0] + rate[i] * z[1] + from[i] * line[0] + to[i] * line[1];
+        [row(0), row(1)]
+    }
+}
+
 /// Value and rate of a mode after `step` \[s\] in which its input goes from `u` to `next` in a line.
-pub(super) fn mode_along([mut y, mut v]: [f64; 2], [u, next]: [f64; 2], p: [f64; 2], step: f64) -> [f64; 2] {
+fn mode_along([mut y, mut v]: [f64; 2], [u, next]: [f64; 2], p: [f64; 2], step: f64) -> [f64; 2] {
     let (w, zeta) = (std::f64::consts::TAU * p[0].max(1e-6), p[1]);
     // Sub-steps of classical Runge-Kutta short against the mode.
     let count = (w * step / 0.2).ceil().clamp(1.0, 200.0) as usize;

@@ -1,9 +1,9 @@
 //! Effects with a memory on a signal inside of the system, which no record shows: they follow what the simulation
 //! passes on. At the beginning of a span they have settled at the first value.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
-use super::command::{Command, lag_along, mode_along};
+use super::command::{Command, LagStep, ModeStep, rises};
 
 /// Parts of the line between two points in time.
 const PARTS: usize = 8;
@@ -15,13 +15,39 @@ const MAX_ROUNDING: f64 = 1e-6;
 pub(super) struct Memory {
     /// Time \[s\] and value that came in, from the sample on.
     entered: RefCell<Vec<(f64, f64)>>,
+    /// Values that came in of which the effect has followed all to the end, and its states there.
+    followed: Cell<Option<(usize, [f64; 2])>>,
+    /// A line of the length that was followed last.
+    line: Cell<Option<Line>>,
     /// Time \[s\] and value at the samples before: of a delay.
     past: RefCell<Vec<(f64, f64)>>,
+}
+
+/// An effect over lines of one length.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    step: f64,
+    map: Map,
+}
+
+/// What it makes of its states there.
+#[derive(Debug, Clone, Copy)]
+enum Map {
+    Lag(LagStep),
+    /// Upwards and downwards over the line, and over each of [`PARTS`] of it.
+    Fill([LagStep; 2], [LagStep; 2]),
+    Mode(ModeStep),
+    /// Largest change.
+    RateLimit(f64),
+    /// Width.
+    Hysteresis(f64),
 }
 
 impl Memory {
     /// Forgets all that came in.
     pub(super) fn clear(&self) {
+        self.entered.borrow_mut().clear();
+        self.followed.set(None);
         self.past.borrow_mut().clear();
     }
 
@@ -33,17 +59,21 @@ impl Memory {
         (sample, now): (f64, f64),
         value: f64,
     ) -> f64 {
-        let first = {
+        let (first, known) = {
             let mut entered = self.entered.borrow_mut();
-            let known = entered.partition_point(|own| own.0 < now);
-            entered.truncate(if now <= sample { 0 } else { known });
+            // What came in at this time or later was of a stage or a step that is tried again.
+            while entered.last().is_some_and(|own| own.0 >= now || now <= sample) {
+                entered.pop();
+            }
+            let known = entered.len();
             entered.push((now, value));
-            entered[0].1
+            self.followed.set(self.followed.get().filter(|(end, _)| *end < known));
+            (entered[0].1, known)
         };
         if kind == Command::Delay {
             return self.before(now - p[0].max(0.0), [(sample, first), (now, value)]);
         }
-        self.followed((kind, p), z, sample, (now, value))[0]
+        self.followed((kind, p), z, sample, (known, (now, value)))[0]
     }
 
     /// States after `step` \[s\] from the sample, by what came in since.
@@ -60,35 +90,62 @@ impl Memory {
             let part = if last.0 > sample { step / (last.0 - sample) } else { 0.0 };
             (sample + step, from + part * (last.1 - from))
         };
-        let found = self.followed((kind, p), z, sample, end);
+        let known = self.entered.borrow().partition_point(|own| own.0 < end.0);
+        let found = self.followed((kind, p), z, sample, (known, end));
         z.iter_mut().zip(found).for_each(|(z, found)| *z = found);
+        // Where nothing comes in until the next sample, it stays.
+        let mut entered = self.entered.borrow_mut();
+        entered.clear();
+        entered.push(end);
+        self.followed.set(None);
     }
 
-    /// States at the time of `end`, from the sample through what came in between: by lines, where three values in equal
-    /// distance come in a line over each half that have the mean of the parabola.
-    fn followed(&self, law: (Command, &[f64]), z: &[f64], sample: f64, end: (f64, f64)) -> [f64; 2] {
+    /// States at the time of `end`, from the sample through the first `count` of what came in between: by lines, where
+    /// three values in equal distance come in a line over each half that have the mean of the parabola.
+    fn followed(
+        &self,
+        law: (Command, &[f64]),
+        z: &[f64],
+        sample: f64,
+        (count, end): (usize, (f64, f64)),
+    ) -> [f64; 2] {
         let entered = self.entered.borrow();
-        let count = entered.partition_point(|own| own.0 < end.0);
         let at = |k: usize| if k < count { entered[k] } else { end };
-        let mut found = [z[0], z.get(1).copied().unwrap_or(0.0)];
-        let mut k = 0;
+        let begin = [z[0], z.get(1).copied().unwrap_or(0.0)];
         if count == 0 {
-            return follow(law, &found, [end.1; 2], end.0 - sample);
+            return self.follow(law, begin, [end.1; 2], end.0 - sample);
         }
+        let (mut k, mut found) = self.followed.get().unwrap_or((0, begin));
         while k < count {
             let (a, m, b) = (at(k), at(k + 1), at(k + 2));
             let halves = k + 2 <= count && (a.0 + b.0 - 2.0 * m.0).abs() < MAX_ROUNDING * (b.0 - a.0);
+            let lasts = k + 2 < count;
             if halves && is_smooth(law.0) {
                 let middle = (4.0 * m.1 - 0.5 * (a.1 + b.1)) / 3.0;
-                found = follow(law, &found, [a.1, middle], m.0 - a.0);
-                found = follow(law, &found, [middle, b.1], b.0 - m.0);
+                found = self.follow(law, found, [a.1, middle], m.0 - a.0);
+                found = self.follow(law, found, [middle, b.1], b.0 - m.0);
                 k += 2;
             } else {
-                found = follow(law, &found, [a.1, m.1], m.0 - a.0);
+                found = self.follow(law, found, [a.1, m.1], m.0 - a.0);
                 k += 1;
+            }
+            if lasts {
+                self.followed.set(Some((k, found)));
             }
         }
         found
+    }
+
+    /// States after `step` \[s\] in which the value goes in a line; the first is what leaves. States that are no
+    /// numbers have settled at the beginning of the line.
+    fn follow(&self, law: (Command, &[f64]), z: [f64; 2], ends: [f64; 2], step: f64) -> [f64; 2] {
+        let same = |own: &Line| (own.step - step).abs() <= MAX_ROUNDING * step;
+        let line = self.line.get().filter(same).unwrap_or_else(|| {
+            let line = Line { step, map: Map::new(law, step) };
+            self.line.set(Some(line));
+            line
+        });
+        line.map.follow(if z[0].is_nan() { [ends[0], 0.0] } else { z }, ends)
     }
 
     /// The value at an earlier time, in lines between samples, the first one before all.
@@ -114,33 +171,63 @@ fn is_smooth(kind: Command) -> bool {
     matches!(kind, Command::Lag | Command::Fill | Command::Mode)
 }
 
-/// States after `step` \[s\] in which the value goes in a line; the first is what leaves. States that are no numbers
-/// have settled at the beginning of the line. What turns where the value crosses the state goes in parts of the line.
-fn follow((kind, p): (Command, &[f64]), z: &[f64], [from, to]: [f64; 2], step: f64) -> [f64; 2] {
-    let turns = matches!(kind, Command::Fill | Command::RateLimit);
-    let parts = if turns { PARTS } else { 1 };
-    let at = |k: usize| from + (to - from) * k as f64 / parts as f64;
-    let mut found = [z[0], z.get(1).copied().unwrap_or(0.0)];
-    for k in 0..parts {
-        found = follow_line((kind, p), &found, [at(k), at(k + 1)], step / parts as f64);
+impl Map {
+    fn new((kind, p): (Command, &[f64]), step: f64) -> Map {
+        match kind {
+            Command::Lag => Map::Lag(LagStep::new(p[0], step)),
+            Command::Fill => {
+                let over = |step: f64| [p[0], p[1]].map(|tau| LagStep::new(tau, step));
+                Map::Fill(over(step), over(step / PARTS as f64))
+            }
+            Command::Mode => Map::Mode(ModeStep::new([p[0], p[1]], step)),
+            Command::RateLimit => Map::RateLimit(p[0].abs() * step),
+            // Delays are read from the past.
+            Command::Hysteresis | Command::Delay => Map::Hysteresis(p[0].abs()),
+        }
     }
-    found
+
+    fn follow(&self, z: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
+        let y = z[0];
+        match *self {
+            Map::Lag(lag) => [lag.follow(y, [from, to]), 0.0],
+            Map::Mode(mode) => mode.follow(z, [from, to]),
+            Map::Hysteresis(width) => [(to - width).max(y.min(to + width)), 0.0],
+            Map::Fill(whole, parts) => {
+                let of = |[up, down]: [LagStep; 2], y: f64, line: [f64; 2]| {
+                    if rises(y, line) { up } else { down }.follow(y, line)
+                };
+                let end = of(whole, y, [from, to]);
+                let end = if turns([from - y, to - end]) {
+                    in_parts(y, [from, to], |y, line| of(parts, y, line))
+                } else {
+                    end
+                };
+                [end, 0.0]
+            }
+            Map::RateLimit(most) => {
+                let of = |most: f64, y: f64, to: f64| y + (to - y).clamp(-most, most);
+                let end = of(most, y, to);
+                // As fast as it may all the way, or never kept back.
+                let end = if turns([from - y, to - end]) || end == to && from != y {
+                    in_parts(y, [from, to], |y, line| of(most / PARTS as f64, y, line[1]))
+                } else {
+                    end
+                };
+                [end, 0.0]
+            }
+        }
+    }
 }
 
-fn follow_line((kind, p): (Command, &[f64]), z: &[f64], [from, to]: [f64; 2], step: f64) -> [f64; 2] {
-    let rate = z.get(1).copied().unwrap_or(0.0);
-    let start = if z[0].is_nan() { [from, 0.0] } else { [z[0], rate] };
-    match kind {
-        Command::Delay => start,
-        Command::Hysteresis => [(to - p[0].abs()).max(start[0].min(to + p[0].abs())), 0.0],
-        Command::Lag => [lag_along(start[0], [from, to], [p[0]; 2], step), 0.0],
-        Command::Fill => [lag_along(start[0], [from, to], [p[0], p[1]], step), 0.0],
-        Command::RateLimit => {
-            let most = p[0].abs() * step;
-            [start[0] + (to - start[0]).clamp(-most, most), 0.0]
-        }
-        Command::Mode => mode_along(start, [from, to], [p[0], p[1]], step),
-    }
+/// Whether the value that comes in crosses the state over a line, by its distances at both ends.
+fn turns([begin, end]: [f64; 2]) -> bool {
+    begin * end < 0.0
+}
+
+/// A state after a line, in parts of it.
+fn in_parts(y: f64, [from, to]: [f64; 2], follow: impl Fn(f64, [f64; 2]) -> f64) -> f64 {
+    let at = |k: usize| from + (to - from) * k as f64 / PARTS as f64;
+    (0..PARTS).fold(y, |y, k| follow(y, [at(k), at(k + 1)]))
 }
 
 #[cfg(test)]
@@ -201,5 +288,31 @@ mod tests {
         let lag = passed(Command::Lag, &[0.2], &ramp, 0.1);
         let at = |t: f64| 2.0 * (t - 0.2 + 0.2 * (-t / 0.2).exp());
         assert!((lag[7][0] - at(0.7)).abs() < 1e-12 && (lag[7][1] - at(0.75)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_comes_in_once_stays_until_something_else_does() {
+        // A component that changes at events only is not asked for in between.
+        let (memory, mut z, law) = (Memory::default(), vec![0.0], (Command::Lag, &[0.2][..]));
+        memory.pass(law, &z, (0.0, 0.0), 1.0);
+        for k in 0..4 {
+            memory.advance(law, &mut z, 0.1 * f64::from(k), 0.1);
+        }
+        assert!((z[0] - (1.0 - (-2.0f64).exp())).abs() < 1e-12, "{z:?}");
+    }
+
+    #[test]
+    fn whatever_was_followed_before_a_stage_of_the_integration_is_asked_for_again_is_forgotten() {
+        let (law, z) = ((Command::Mode, &[4.0, 0.3][..]), [0.0, 0.0]);
+        let passed = |again: bool| {
+            let memory = Memory::default();
+            let ask = |part: i32| memory.pass(law, &z, (0.0, 0.01 * f64::from(part)), f64::from(part * part));
+            (0..9).for_each(|part| drop(ask(part)));
+            if again {
+                [3, 4, 2, 3, 4, 4, 5, 6, 7, 8].iter().for_each(|&part| drop(ask(part)));
+            }
+            ask(9)
+        };
+        assert!((passed(true) - passed(false)).abs() < 1e-12);
     }
 }

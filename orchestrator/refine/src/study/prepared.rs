@@ -47,12 +47,12 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     study.unobservable = observability::unobservable(&study);
     say("fitting the declared model");
     let fitted = declared(file, &study);
-    if let Ok(declared) = &fitted {
-        horizon::check(file, &study, declared, &played(&study, declared))?;
+    let fitted = fitted.map(|declared| (played(&study, &declared), declared));
+    if let Ok((played, declared)) = &fitted {
+        horizon::check(file, &study, declared, played)?;
     }
     let suspicion = sign::check(file, &mut study)?;
-    let declared = fitted?;
-    let played = played(&study, &declared);
+    let (played, declared) = fitted?;
     scale::check(file, &study, &played)?;
     settled::check(file, &study, &played)?;
     spiked::silence(&mut study, &declared);

@@ -46,12 +46,9 @@ pub(crate) fn share(
 ) -> f64 {
     let total = |errors: &Errors, floor: &BTreeMap<String, f64>| -> f64 {
         let one = |o: &super::model::Output| {
-            let white = [errors, before].map(|e| e.white.get(&o.name).copied());
-            let rms = || [errors, before].map(|e| e.rms.get(&o.name).copied().unwrap_or(0.0));
-            let (own, unit, floor) = match white {
-                [Some(own), Some(unit)] => (own, unit, 1.0),
-                _ => (rms()[0], rms()[1], floor.get(&o.name).copied().unwrap_or(o.noise)),
-            };
+            let [own, unit] = [errors, before].map(|e| e.counted(&o.name, o.noise));
+            let carried = floor.get(&o.name).filter(|_| !errors.white.contains_key(&o.name));
+            let floor = carried.copied().unwrap_or(o.noise);
             let above = own * own - floor * floor;
             let is_more = unit > 0.0 && above.abs() > MAX_SHARE_OF_FLOOR * floor * floor;
             if is_more { above / (unit * unit) } else { 0.0 }
@@ -130,10 +127,8 @@ pub(super) fn rule(
 ) -> Ruling {
     let (declared, best) = (&selection.declared, &selection.best);
     let total = |errors: &Errors| -> f64 {
-        let share = |(o, scale): (&super::model::Output, &f64)| {
-            let white = errors.white.get(&o.name).map(|own| own * o.noise);
-            (white.or(errors.rms.get(&o.name).copied()).unwrap_or(0.0) / scale).powi(2)
-        };
+        let share =
+            |(o, scale): (&super::model::Output, &f64)| (errors.counted(&o.name, o.noise) / scale).powi(2);
         fits.study.outputs.iter().zip(&fits.scale).map(share).sum()
     };
     let helps = selection.effects() > 0
@@ -141,9 +136,7 @@ pub(super) fn rule(
         && share >= MIN_VALIDATED_SHARE;
     let beyond = |o: &super::model::Output| {
         let floor = floor.get(&o.name).copied().unwrap_or(o.noise);
-        let of_floor = || Some(validation[0].rms.get(&o.name)? / floor);
-        let times = validation[0].white.get(&o.name).copied().or_else(of_floor);
-        times.is_some_and(|times| times > MAX_FLOORS)
+        validation[0].times(&o.name, Some(floor)).is_some_and(|times| times > MAX_FLOORS)
     };
     let beyond = fits.study.outputs.iter().any(beyond);
     let rest_of_declared = OnceCell::new();
