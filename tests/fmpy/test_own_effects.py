@@ -11,6 +11,7 @@ from scipy.interpolate import interp1d
 
 from command import airloop, start
 from fmu import Fmu
+from held import simulated
 from segments import write_segments
 from test_derived import derive
 import raw
@@ -157,13 +158,11 @@ parameters.w = { unit = "m/s", start = [0.1, 1.0], bounds = [1e-3, 1e2] }
 
 @pytest.mark.parametrize("dissipative", [False, True])
 def test_an_effect_that_must_take_energy_is_not_one_that_gives_some(tmp_path, dissipative):
-    def pushed(u):
-        def rate(time, y):
-            force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
-            return [y[1], (force - DAMPING * y[1] + 0.4 * y[1] ** 3 / (0.09 + y[1] ** 2)) / MASS]
+    def rate(y, force):
+        return np.array([y[1], (force - DAMPING * y[1] + 0.4 * y[1] ** 3 / (0.09 + y[1] ** 2)) / MASS])
 
-        times = STEP * np.arange(COUNT)
-        return solve_ivp(rate, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y[0]
+    def pushed(u):
+        return simulated(rate, np.zeros(2), u, STEP, 4)[:, 0]
 
     write_study(tmp_path, pushed, seed=70)
     (tmp_path / "push.toml").write_text(PUSH + "signs.dissipative = true\n" * dissipative)
@@ -192,14 +191,13 @@ tau = { unit = "s", bounds = [1e-2, 1e2], start = [0.1, 1.0] }
 def test_a_sensor_that_creeps_is_found_and_stands_behind_the_output(tmp_path):
     k, tau = 0.08, 0.4
     records, times = [], STEP * np.arange(COUNT)
+
+    def rate(y, force):
+        return np.array([y[1], (force - DAMPING * y[1]) / MASS, (y[0] - y[2]) / tau])
+
     for number in range(4):
         u = drive(number)
-
-        def rate(time, y):
-            force = u[min(int(time / STEP + 1e-9), COUNT - 1)]
-            return [y[1], (force - DAMPING * y[1]) / MASS, (y[0] - y[2]) / tau]
-
-        x, v, z = solve_ivp(rate, (0, times[-1]), [0.0, 0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-12, max_step=STEP).y
+        x, v, z = simulated(rate, np.zeros(3), u, STEP, 4).T
         noise = 1e-4 * np.random.default_rng(50 + number).standard_normal((2, COUNT))
         records.append(np.column_stack([times, u, x + k * z + noise[0], v + noise[1]]))
     segments = write_segments(tmp_path, records, "time,force,position,speed", 4 * ["{ x = 0.0, v = 0.0 }"])

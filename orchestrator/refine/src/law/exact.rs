@@ -37,6 +37,9 @@ const MIN_ERROR_OVER_LEAST: f64 = 0.98;
 /// is at its optimum.
 const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
 const MAX_ERROR_OVER_FREE_FORM: f64 = 1.1;
+/// Ratio of the error of a law with a memory, by the derivatives around the model without it, to the error of the best
+/// model without one, up to which it is fitted.
+const MAX_ERROR_BEFORE_FIT: f64 = 1.5;
 /// Share of the declared model's power above noise from which on a free form leaves too much for any law: a law that is
 /// an answer leaves next to nothing of it.
 const MAX_EXCESS_OF_FREE_FORM: f64 = 0.5;
@@ -298,56 +301,78 @@ impl Finder<'_> {
     }
 
     /// The best law with a memory, at attachments whose motion is known: all of them, or those with the given names.
+    /// `left`: error of the best model without one.
     pub(super) fn memory(
         &self,
         study: &mut Study,
-        declared: &Model,
+        (declared, left): (&Model, f64),
         ports: Option<&[String]>,
     ) -> Option<(usize, Model, Arc<Own>)> {
         (self.say)("laws with a memory");
-        let mut best: Option<(usize, Model, Arc<Own>)> = None;
         let is_asked = |tap: &Tap| ports.is_none_or(|ports| ports.contains(&tap.name));
         let asked = |&tap: &usize| study.taps[tap].crossed.is_none() && is_asked(&study.taps[tap]);
+        let mut laws = Vec::new();
         for tap in (0..study.taps.len()).filter(asked).collect::<Vec<_>>() {
-            let units = [Variable::Position, Variable::Velocity, Variable::Value]
-                .map(|variable| Self::unit(study, tap, variable));
-            let Some(places) = self.knots(study, tap, Variable::Velocity, CURVE_KNOTS) else { continue };
-            let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-            let travel = self
-                .knots(study, tap, Variable::Position, CURVE_KNOTS)
-                .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
-            let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
-            let length = product(&[(&units[1], 1), ("s", 1)]);
-            let times = [0.05, 0.3, 1.5].to_vec();
-            let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
-            for (rate, unit, starts) in
-                [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
-            {
-                let tables = format!(
-                    "[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n"
-                );
-                let sign = study.taps[tap].sign;
-                let Some(own) = read("k*z", "law with a memory", &units, sign, &tables) else { continue };
-                let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
-                study.candidates[c].starts = own.starts();
-                let base = extended(declared, study);
-                for index in study.candidates[c].entries.clone() {
-                    let step = self.fits(study).step(&base, c, index, &[]);
-                    study.entries[index].free.step = step.unwrap_or(1e-6);
-                    let first = study.candidates[c].entries.start;
-                    if own.parameters[index - first].name == "s" {
-                        let (least, most) = (starts[0], starts[starts.len() - 1]);
-                        study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
-                    }
-                }
-                let found = self.fits(study).add(&base, c);
-                let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
-                if let Some(model) = found.filter(better) {
-                    best = Some((tap, model, own));
-                }
+            laws.extend(self.with_memory(study, declared, tap).into_iter().map(|(c, own)| (tap, c, own)));
+        }
+        let (base, fits) = (extended(declared, study), self.fits(study));
+        let list: Vec<usize> = laws.iter().map(|own| own.1).collect();
+        let around = fits.around(&base);
+        let promises = fits.promises(&base, around.as_ref(), &list);
+        let mut best: Option<(usize, Model, Arc<Own>)> = None;
+        for ((tap, c, own), promise) in laws.into_iter().zip(promises) {
+            let near = promise.and_then(|(_, p)| fits.add_near(&base, around.as_ref(), (c, &p)));
+            let near = near.filter(|own| own.error <= MAX_ERROR_BEFORE_FIT * left && !stop::asked());
+            // Without derivatives around the base it was fitted.
+            let found = match &around {
+                Some(_) => near
+                    .and_then(|own| fits.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals)),
+                None => near,
+            };
+            let better = |own: &Model| best.as_ref().is_none_or(|known| own.error < known.1.error);
+            if let Some(model) = found.filter(better) {
+                best = Some((tap, model, own));
             }
         }
         best
+    }
+
+    /// Candidates for the laws with a memory at an attachment: an element that creeps, and one that follows the path.
+    fn with_memory(&self, study: &mut Study, declared: &Model, tap: usize) -> Vec<(usize, Arc<Own>)> {
+        let units = [Variable::Position, Variable::Velocity, Variable::Value]
+            .map(|variable| Self::unit(study, tap, variable));
+        let Some(places) = self.knots(study, tap, Variable::Velocity, CURVE_KNOTS) else { return Vec::new() };
+        let fastest = places.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        let travel = self
+            .knots(study, tap, Variable::Position, CURVE_KNOTS)
+            .map_or(0.1 * fastest, |own| own[own.len() - 1] - own[0]);
+        let stiffness = product(&[(&units[2], 1), (&units[1], -1), ("s", -1)]);
+        let length = product(&[(&units[1], 1), ("s", 1)]);
+        let times = [0.05, 0.3, 1.5].to_vec();
+        let lengths = [0.01, 0.05, 0.25].map(|part| part * travel).to_vec();
+        let mut found = Vec::new();
+        for (rate, unit, starts) in [("v - z/s", "s".to_owned(), times), ("v - abs(v)*z/s", length, lengths)]
+        {
+            let tables = format!(
+                "[states]\nz = {rate:?}\n[parameters]\nk = {{ unit = {stiffness:?} }}\ns = {{ unit = {unit:?}, start = {starts:?} }}\n"
+            );
+            let sign = study.taps[tap].sign;
+            let Some(own) = read("k*z", "law with a memory", &units, sign, &tables) else { continue };
+            let c = self.push_own(study, tap, &own, &[1.0, starts[1]]);
+            study.candidates[c].starts = own.starts();
+            let base = extended(declared, study);
+            for index in study.candidates[c].entries.clone() {
+                let step = self.fits(study).step(&base, c, index, &[]);
+                study.entries[index].free.step = step.unwrap_or(1e-6);
+                let first = study.candidates[c].entries.start;
+                if own.parameters[index - first].name == "s" {
+                    let (least, most) = (starts[0], starts[starts.len() - 1]);
+                    study.entries[index].free.bounds = (0.05 * least, 20.0 * most);
+                }
+            }
+            found.push((c, own));
+        }
+        found
     }
 
     fn push_own(&self, study: &mut Study, tap: usize, own: &Arc<Own>, values: &[f64]) -> usize {

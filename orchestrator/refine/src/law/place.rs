@@ -211,7 +211,8 @@ impl Finder<'_> {
         let explained = law.as_ref().is_some_and(|own| self.explains(study, judge, &own.model));
         let most = MAX_EXCESS_WITH_MEMORY * judge.excess(left);
         let left_by_effects = scaled(study, self.scale, &answer.after[0]);
-        let floors = judge.floors(left_by_effects.min(left.error).powi(2));
+        let least = left_by_effects.min(left.error);
+        let floors = judge.floors(least.powi(2));
         let much = floors > MIN_FLOORS_FOR_MEMORY_OF_EFFECTS;
         let memory = if most_is_left && !explained && (self.wide || much) && !stop::asked() {
             // Friction with a memory passes for the usual one: then it is where that was found.
@@ -220,7 +221,7 @@ impl Finder<'_> {
             let at_tap = |port: &&String| study.taps.iter().any(|tap| tap.name == **port);
             let of_effects = selected.map(|effect| effect.port.as_ref().filter(at_tap).cloned());
             let ports: Option<Vec<String>> = of_effects.chain(named).collect();
-            self.memory(study, declared, ports.as_deref().filter(|_| !self.wide))
+            self.memory(study, (declared, least), ports.as_deref().filter(|_| !self.wide))
         } else {
             None
         };

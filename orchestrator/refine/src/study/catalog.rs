@@ -81,6 +81,11 @@ impl Candidate {
         !self.probe && !self.is_resolution()
     }
 
+    /// Whether it is a free form over one variable, as every study has them; others are of a search for a law.
+    pub fn is_shape(&self) -> bool {
+        matches!(self.action, Action::Block { law: Law::Shape(_), .. })
+    }
+
     /// Where it acts: `channel@port`.
     pub fn place(&self) -> String {
         format!("{}@{}", self.channel, self.port)

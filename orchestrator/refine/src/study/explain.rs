@@ -179,7 +179,8 @@ impl Judge {
     /// On what depends what a model leaves.
     pub fn rest(&self, fits: &Fits, model: &Model) -> Rest {
         let study = fits.study;
-        let probes: Vec<usize> = (0..study.candidates.len()).filter(|&c| study.candidates[c].probe).collect();
+        let probes: Vec<usize> =
+            (0..study.candidates.len()).filter(|&c| study.candidates[c].is_shape()).collect();
         let power = model.error.powi(2);
         let enough = (MIN_SHARE_OF_EXCESS * self.excess(model)).max(MIN_SHARE_OF_NOISE * self.tolerated);
         let around = fits.around_all(model);
