@@ -109,7 +109,7 @@ def write_study(folder, kind, value, seed, more=""):
     return folder / "study.toml"
 
 
-@pytest.mark.parametrize(("kind", "value", "place"), [("coulomb", 2.5, "load"), ("deadband", 0.15, "u")])
+@pytest.mark.parametrize(("kind", "value", "place"), [pytest.param("coulomb", 2.5, "load", marks=pytest.mark.slow), ("deadband", 0.15, "u")])
 def test_an_effect_on_a_machine_that_only_steps_is_found_and_its_system_runs(tmp_path, kind, value, place):
     study = write_study(tmp_path / "case", kind, value, 3)
     result = refine(study, tmp_path / "out")

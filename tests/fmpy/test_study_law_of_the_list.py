@@ -47,7 +47,12 @@ def write_study(folder, seed, command=command, declared=DECLARED):
 
 
 @pytest.mark.parametrize(
-    "command, declared", [(command, DECLARED), (held_steps, DECLARED), (held_steps, 0.6)], ids=["sines", "steps", "less_damping"]
+    "command, declared",
+    [
+        pytest.param(command, DECLARED, marks=pytest.mark.slow, id="sines"),
+        pytest.param(held_steps, DECLARED, marks=pytest.mark.slow, id="steps"),
+        pytest.param(held_steps, 0.6, id="less_damping"),
+    ],
 )
 def test_spring_coulomb_and_less_damping_are_answered_as_these(tmp_path, command, declared):
     study = write_study(tmp_path / "case", 1, command, declared)

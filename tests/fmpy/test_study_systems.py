@@ -76,7 +76,7 @@ def rewritten(folder, target, units, factors):
     "family, kind, strength, signal, units, factors",
     [
         ("pendulum", "drag", 1.0, "angle", {"angle": "deg"}, {"angle": 180 / np.pi}),
-        ("axis", "spring", 1.0, "position", {"position": "mm"}, {"position": -1e3}),
+        pytest.param("axis", "spring", 1.0, "position", {"position": "mm"}, {"position": -1e3}, marks=pytest.mark.slow),
         ("seal", "area", 2.5, "force", {"position": "mm", "pressure": "bar"}, {"position": -1e3, "pressure": 1e-5}),
     ],
 )

@@ -158,6 +158,7 @@ def test_a_stribeck_peak_is_named_where_nothing_fits_to_the_noise_and_only_the_d
     assert summary["validation"]["rms"] == pytest.approx(found["residual"]["validation"]["rms_after"], rel=0.03)
 
 
+@pytest.mark.slow
 def test_an_inertia_that_is_far_from_its_declared_value_is_named_where_nothing_fits_to_the_noise(tmp_path):
     folder, truth = machine(tmp_path, "furuta_m_parameter_J_p")
     result = refine(folder / "study.toml", tmp_path / "out")

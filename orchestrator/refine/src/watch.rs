@@ -102,6 +102,9 @@ impl System for Watched<'_> {
         self.simulated(1);
         self.inner.residuals(record, parameters, locals)
     }
+    fn side_by_side(&self) -> usize {
+        self.inner.side_by_side()
+    }
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         self.simulated(jobs.len() as u64);
         self.inner.residuals_of(jobs)

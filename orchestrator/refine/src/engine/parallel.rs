@@ -21,12 +21,9 @@ fn threads(count: usize) -> usize {
     if wanted == 0 { processors().min(count) } else { wanted.min(count) }
 }
 
-/// Jobs that one thread takes at once: enough to run side by side, few enough to share.
-const BATCH: usize = 4;
-
 /// Whitened residuals of all jobs.
 pub fn residuals<S: System + ?Sized>(system: &S, jobs: &[Job]) -> Vec<Vec<f64>> {
-    let batches: Vec<&[Job]> = jobs.chunks(BATCH).collect();
+    let batches: Vec<&[Job]> = jobs.chunks(system.side_by_side()).collect();
     map(batches.len(), |i| system.residuals_of(batches[i])).into_iter().flatten().collect()
 }
 
@@ -36,13 +33,14 @@ pub fn residuals_until_asked<S: System + ?Sized>(
     jobs: &[Job],
     needed: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Option<Vec<f64>>> {
-    let batches: Vec<&[Job]> = jobs.chunks(BATCH).collect();
+    let size = system.side_by_side();
+    let batches: Vec<&[Job]> = jobs.chunks(size).collect();
     let batch = |i: usize| -> Vec<Option<Vec<f64>>> {
         if !stop::asked() {
             return system.residuals_of(batches[i]).into_iter().map(Some).collect();
         }
         let one = |(k, job): (usize, &Job)| {
-            needed(i * BATCH + k).then(|| system.residuals(job.record, &job.parameters, &job.locals))
+            needed(i * size + k).then(|| system.residuals(job.record, &job.parameters, &job.locals))
         };
         batches[i].iter().enumerate().map(one).collect()
     };

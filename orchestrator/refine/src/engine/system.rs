@@ -50,6 +50,10 @@ pub trait System: Sync {
     ) -> Option<Derivatives> {
         None
     }
+    /// Simulations that cost less together than one by one: so many are given to [`System::residuals_of`] at once.
+    fn side_by_side(&self) -> usize {
+        1
+    }
     /// Whitened residuals of several simulations, which a system may run side by side; each is what
     /// [`System::residuals`] gives, to the last bit.
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {

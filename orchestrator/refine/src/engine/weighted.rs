@@ -77,6 +77,9 @@ impl System for Weighted<'_> {
     fn stage(&self, name: &str) {
         self.inner.stage(name);
     }
+    fn side_by_side(&self) -> usize {
+        self.inner.side_by_side()
+    }
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         let mut found = self.inner.residuals_of(jobs);
         for (job, residuals) in jobs.iter().zip(&mut found) {

@@ -113,6 +113,9 @@ impl System for Subset<'_> {
     fn redraw(&self, record: usize, predicted: &[f64], noise: &mut Noise) -> Vec<f64> {
         self.system.redraw(self.records[record], predicted, noise)
     }
+    fn side_by_side(&self) -> usize {
+        self.system.side_by_side()
+    }
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         let own = |job: &Job| Job { record: self.records[job.record], ..job.clone() };
         self.system.residuals_of(&jobs.iter().map(own).collect::<Vec<_>>())

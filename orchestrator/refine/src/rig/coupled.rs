@@ -328,6 +328,9 @@ impl System for Coupled {
         self.shown(record, &self.simulate(&[job])[0], p)
     }
 
+    fn side_by_side(&self) -> usize {
+        SIDE_BY_SIDE
+    }
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         let one = |(job, prediction): (&Job, &Prediction)| {
             self.whiten(job.record, &self.shown(job.record, prediction, &job.parameters))

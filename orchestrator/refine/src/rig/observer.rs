@@ -288,6 +288,9 @@ impl System for Observer<'_> {
         predicted.iter().map(|value| -value).collect()
     }
 
+    fn side_by_side(&self) -> usize {
+        SIDE_BY_SIDE
+    }
     fn residuals_of(&self, jobs: &[Job]) -> Vec<Vec<f64>> {
         jobs.chunks(SIDE_BY_SIDE)
             .flat_map(|some| self.passes::<SIDE_BY_SIDE>(some))
