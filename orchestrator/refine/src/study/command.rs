@@ -76,7 +76,7 @@ impl Command {
     }
 }
 
-/// Parts of a sample in which a command that moves between its samples is followed.
+/// Parts of a sample, or of a line within one, in which a value that moves between samples is followed.
 pub const PARTS: usize = 8;
 
 /// Values at the samples and at [`PARTS`] - 1 times before the next one each: the sample where they are `held`, else on

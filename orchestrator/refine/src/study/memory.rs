@@ -3,10 +3,8 @@
 
 use std::cell::{Cell, RefCell};
 
-use super::command::{Command, LagStep, ModeStep, rises};
+use super::command::{Command, LagStep, ModeStep, PARTS, rises};
 
-/// Parts of the line between two points in time.
-const PARTS: usize = 8;
 /// Share of a step by which times may differ that are the same.
 const MAX_ROUNDING: f64 = 1e-6;
 
@@ -198,7 +196,7 @@ impl Map {
                 };
                 let end = of(whole, y, [from, to]);
                 let end = if turns([from - y, to - end]) {
-                    in_parts(y, [from, to], |y, line| of(parts, y, line))
+                    follow_in_parts(y, [from, to], |y, line| of(parts, y, line))
                 } else {
                     end
                 };
@@ -209,7 +207,7 @@ impl Map {
                 let end = of(most, y, to);
                 // With the largest change all the way, or with none of it in the way: exact.
                 let end = if turns([from - y, to - end]) || end == to && from != y {
-                    in_parts(y, [from, to], |y, line| of(most / PARTS as f64, y, line[1]))
+                    follow_in_parts(y, [from, to], |y, line| of(most / PARTS as f64, y, line[1]))
                 } else {
                     end
                 };
@@ -224,8 +222,8 @@ fn turns([begin, end]: [f64; 2]) -> bool {
     begin * end < 0.0
 }
 
-/// A state after a line, in parts of it.
-fn in_parts(y: f64, [from, to]: [f64; 2], follow: impl Fn(f64, [f64; 2]) -> f64) -> f64 {
+/// A state after a line, followed in [`PARTS`] of it.
+fn follow_in_parts(y: f64, [from, to]: [f64; 2], follow: impl Fn(f64, [f64; 2]) -> f64) -> f64 {
     let at = |k: usize| from + (to - from) * k as f64 / PARTS as f64;
     (0..PARTS).fold(y, |y, k| follow(y, [at(k), at(k + 1)]))
 }
