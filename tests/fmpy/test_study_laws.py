@@ -1,5 +1,6 @@
 """Laws that no list holds on records of `make study-laws`, made anew: friction with a memory that passes for friction of the list, a force
-in time, a force over the speed that validation records carry further. The records are made by other code than the FMUs."""
+in time, a force over the speed that validation records carry further; friction with a memory where declared values are off and noise is
+large, so that viscous friction with them leaves little more than noise. The records are made by other code than the FMUs."""
 
 import json
 import sys
@@ -24,19 +25,35 @@ CASES = {
 }
 
 
+def refined(folder, system, law, seed, messy=False):
+    """The report on records that are made of a system with a law, points of the law, and the noise on validation records."""
+    system, noise = make_laws.SYSTEMS[system], 0.02 if messy else 1e-3
+    rows, points, floor = make_laws.records(system, ("", *law), noise, np.random.default_rng(seed), messy, 0.015)
+    for r, own in enumerate(rows):
+        make_laws.write(folder, dict(zip(("time", *system.columns), own)), r, system.digits)
+    text = 'name = "law"\n' + system.study(folder) + make_laws.segments(system.initial)
+    (folder / "study.toml").write_text(text)
+    result = start("refine", folder, "-o", folder / "out")
+    assert result.returncode == 13, result.stdout + result.stderr
+    return json.loads((folder / "out" / "report.json").read_text()), points, floor
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_the_law_is_found_and_leaves_noise(tmp_path, name):
     system, variable, force, rates, seed = CASES[name]
-    system = make_laws.SYSTEMS[system]
-    rows, points, floor = make_laws.records(system, ("", force, rates), 1e-3, np.random.default_rng(seed), False, 0.0)
-    for r, own in enumerate(rows):
-        make_laws.write(tmp_path, dict(zip(("time", *system.columns), own)), r, system.digits)
-    text = f'name = "{name}"\n' + system.study(tmp_path) + make_laws.segments(system.initial)
-    (tmp_path / "study.toml").write_text(text)
-    result = start("refine", tmp_path, "-o", tmp_path / "out")
-    assert result.returncode == 13, result.stdout + result.stderr
-    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    report, points, floor = refined(tmp_path, system, (force, rates), seed)
     assert variable in report["law"]["formula"]
     assert score_laws.judge(report, tmp_path / "out", {"points": points}) < score_laws.RIGHT
+    (after,) = report["residual"]["validation"]["rms_after"].values()
+    assert after < 1.1 * floor
+
+
+def test_friction_with_a_memory_is_found_where_viscous_friction_with_corrections_leaves_little(tmp_path):
+    stiffness, time = 1.57, 0.2
+    law = (lambda x, v, t, z: stiffness * z[0], lambda x, v, t, z: [v - z[0] / time])
+    report, _, floor = refined(tmp_path, "arm", law, 21, messy=True)
+    assert report["law"]["formula"] == "k*z"
+    own = {name: value["value"] for name, value in report["law"]["params"].items()}
+    assert own == {"k": pytest.approx(stiffness, rel=0.1), "s": pytest.approx(time, rel=0.1)}
     (after,) = report["residual"]["validation"]["rms_after"].values()
     assert after < 1.1 * floor

@@ -69,6 +69,20 @@ def test_a_torque_that_depends_on_the_speed_of_another_joint_is_a_law(tmp_path):
     assert all(free[name] < 1.5 * rms for name, rms in summary["validation"]["rms"].items())
 
 
+@pytest.mark.slow
+def test_a_torque_over_position_and_speed_of_the_load_is_a_law_at_the_load(tmp_path):
+    folder, _ = machine(tmp_path, "servo_e_outside_product_tau_l", seed=11)
+    study = folder / "study.toml"
+    text = study.read_text()
+    for channels, effect in (('["actuator", "piston_friction"]', "pf.viscous"), ('["cart_friction", "cart"]', "cf.viscous")):
+        text = text.replace(f"channels = {channels}", f'channels = {channels}\neffects = ["{effect}"]')
+    study.write_text(text)
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 13, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert (found["law"]["port"], found["law"]["variables"], found["complete"]) == ("tau_l", ["x", "xdot"], True)
+
+
 def test_a_free_run_needs_more_of_a_record_than_its_beginning(tmp_path):
     folder, _ = machine(tmp_path, "arm_e_none_1")
     for time in ("1ms", "1h"):

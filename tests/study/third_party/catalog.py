@@ -33,7 +33,7 @@ PAIRS = {
     "furuta": "spring@tau+coulomb@tau_p coulomb@tau+delay@tau",
 }
 OUTSIDE = {
-    "servo": "cubic@tau_l speedbump@tau_m",
+    "servo": "cubic@tau_l speedbump@tau_m product@tau_l product@tau_m",
     "arm": "cross@tau_1 bump@tau_2",
     "tanks": "overflow@q_1 bump@q_2",
     "motor": "heat@tau_load heatgain@V speedbump@tau_load",

@@ -46,9 +46,8 @@ const MAX_OTHER_PORTS: usize = 2;
 const MAX_ERROR_AT_OTHER_PORT: f64 = 0.95;
 /// Share of the declared model's error that a law without memory has to leave for one with a memory to be tried.
 const MIN_LEFT_FOR_MEMORY: f64 = 0.02;
-/// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much: they
-/// cost many simulations, and a machine of many small causes leaves some of every kind.
-const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 5.0;
+/// Error over that of noise that has to be left for laws with a memory to be tried where effects explain much.
+const MIN_FLOORS_FOR_MEMORY_OF_EFFECTS: f64 = 1.2;
 /// Held-out error of a free form in windows over that of noise, up to which a law may leave noise.
 const MAX_ERROR_OF_NOISE: f64 = 2.0;
 /// Ratio of the power above noise that a law with a memory leaves to the least without one, below which it is taken.
@@ -147,25 +146,35 @@ impl Finder<'_> {
                 combined.push(both);
             }
         }
-        for variables in combined {
-            if stop::asked() {
-                continue;
+        // A form over one variable does not tell which port holds a law over the motion there.
+        let mut ports = vec![tap];
+        for own in &singles {
+            if !ports.contains(&own.tap) && ports.len() <= MAX_OTHER_PORTS {
+                ports.push(own.tap);
             }
-            let knots: Option<Vec<Vec<f64>>> =
-                variables.iter().map(|own| self.knots(study, tap, *own, SURFACE_KNOTS)).collect();
-            let Some(knots) = knots else { continue };
-            let surface = Surface::new(variables.into(), knots);
+        }
+        for variables in combined {
             let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
             if left < MAX_ERROR_WITHOUT_SECOND * self.noise {
                 break;
             }
-            if let Some(form) = self.form(study, declared, tap, surface) {
-                pairs.push(form);
+            let count = if variables == [x, v] { ports.len() } else { 1 };
+            for &port in ports.iter().take(count).take_while(|_| !stop::asked()) {
+                let knots: Option<Vec<Vec<f64>>> =
+                    variables.iter().map(|own| self.knots(study, port, *own, SURFACE_KNOTS)).collect();
+                let Some(knots) = knots else { continue };
+                let surface = Surface::new(variables.into(), knots);
+                pairs.extend(self.form(study, declared, port, surface));
             }
         }
+        pairs.retain(hopeful);
         pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
-        if let Some(pair) = pairs.into_iter().next().filter(hopeful) {
-            forms.extend(self.toward(study, pair));
+        let mut told: Vec<usize> = Vec::new();
+        for pair in pairs {
+            if !told.contains(&pair.tap) {
+                told.push(pair.tap);
+                forms.extend(self.toward(study, pair));
+            }
         }
         let form = self.simplest(forms);
         let is_place = form.is_some();
