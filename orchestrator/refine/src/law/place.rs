@@ -133,48 +133,10 @@ impl Finder<'_> {
             let fine = known.take_if(|known| own(known));
             forms.extend(fine.or_else(|| self.fine(study, declared, (tap, form.surface.variables[0]))));
         }
+        let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
         // Two variables where one leaves much.
-        let mut pairs = Vec::new();
-        let (x, v) = (Variable::Position, Variable::Velocity);
-        let mut combined = vec![[x, v]];
-        for second in [x, v, Variable::Value, Variable::Time] {
-            let mut both = [first, second];
-            both.sort_by_key(|own| {
-                [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3)
-            });
-            if second != first && !combined.contains(&both) {
-                combined.push(both);
-            }
-        }
-        // A form over one variable does not tell which port holds a law over the motion there.
-        let mut ports = vec![tap];
-        for own in &singles {
-            if !ports.contains(&own.tap) && ports.len() <= MAX_OTHER_PORTS {
-                ports.push(own.tap);
-            }
-        }
-        for variables in combined {
-            let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
-            if left < MAX_ERROR_WITHOUT_SECOND * self.noise {
-                break;
-            }
-            let count = if variables == [x, v] { ports.len() } else { 1 };
-            for &port in ports.iter().take(count).take_while(|_| !stop::asked()) {
-                let knots: Option<Vec<Vec<f64>>> =
-                    variables.iter().map(|own| self.knots(study, port, *own, SURFACE_KNOTS)).collect();
-                let Some(knots) = knots else { continue };
-                let surface = Surface::new(variables.into(), knots);
-                pairs.extend(self.form(study, declared, port, surface));
-            }
-        }
-        pairs.retain(hopeful);
-        pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
-        let mut told: Vec<usize> = Vec::new();
-        for pair in pairs {
-            if !told.contains(&pair.tap) {
-                told.push(pair.tap);
-                forms.extend(self.toward(study, pair));
-            }
+        if left >= MAX_ERROR_WITHOUT_SECOND * noise {
+            forms.extend(self.over_two(study, declared, &singles, (tap, first)));
         }
         let form = self.simplest(forms);
         let is_place = form.is_some();
@@ -243,6 +205,57 @@ impl Finder<'_> {
             _ => law?,
         };
         self.say_law(study, judge, declared, found, answer)
+    }
+
+    /// Free forms over two variables, the best of every port at its optimum: those with the best variable at its port,
+    /// and those over position and velocity at the ports of `singles`, as a form over one variable does not tell which
+    /// of them holds a law over the motion there.
+    fn over_two(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        singles: &[FreeForm],
+        (tap, first): (usize, Variable),
+    ) -> Vec<FreeForm> {
+        let mut ports = vec![tap];
+        for own in singles {
+            if !ports.contains(&own.tap) && ports.len() <= MAX_OTHER_PORTS {
+                ports.push(own.tap);
+            }
+        }
+        let (x, v) = (Variable::Position, Variable::Velocity);
+        let mut combined = vec![[x, v]];
+        for second in [x, v, Variable::Value, Variable::Time] {
+            let mut both = [first, second];
+            both.sort_by_key(|own| {
+                [x, v, Variable::Value].iter().position(|known| known == own).unwrap_or(3)
+            });
+            if second != first && !combined.contains(&both) {
+                combined.push(both);
+            }
+        }
+        let mut pairs = Vec::new();
+        for variables in combined {
+            let count = if variables == [x, v] { ports.len() } else { 1 };
+            for &port in ports.iter().take(count).take_while(|_| !stop::asked()) {
+                let knots: Option<Vec<Vec<f64>>> =
+                    variables.iter().map(|own| self.knots(study, port, *own, SURFACE_KNOTS)).collect();
+                let Some(knots) = knots else { continue };
+                let surface = Surface::new(variables.into(), knots);
+                pairs.extend(self.form(study, declared, port, surface));
+            }
+        }
+        pairs.retain(|form| form.is_hopeful(self.noise));
+        pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        let mut told: Vec<usize> = Vec::new();
+        let mut found = Vec::new();
+        for pair in pairs {
+            if !told.contains(&pair.tap) {
+                told.push(pair.tap);
+                found.extend(self.toward(study, pair));
+            }
+        }
+        found
     }
 
     /// The free form with the least held-out error, or one over a variable less that leaves about as much.
