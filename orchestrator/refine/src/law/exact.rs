@@ -81,6 +81,13 @@ struct Place<'a> {
     whole: &'a FreeForm,
     axes: &'a [Axis],
     units: &'a [String; 3],
+    /// Error that noise leaves.
+    noise: f64,
+}
+
+/// The formulas that are likeliest for a free form, by its quadratic forms.
+fn formulas(form: &FreeForm, axes: &[Axis]) -> Vec<formula::Found> {
+    formula::Search::new(&form.at.surrogate, &form.surface, axes).map_or(Vec::new(), |own| own.run())
 }
 
 impl Finder<'_> {
@@ -97,8 +104,7 @@ impl Finder<'_> {
     ) -> Result<Option<Found>, Refuted> {
         (self.say)("formulas for the free form");
         let axes = self.axes(study, form.tap, &form.surface);
-        let list = formula::Search::new(&form.at.surrogate, &form.surface, &axes)
-            .map_or(Vec::new(), |own| own.run());
+        let list = formulas(form, &axes);
         let units = [Variable::Position, Variable::Velocity, Variable::Value]
             .map(|variable| Self::unit(study, form.tap, variable));
         // The ceiling of what a formula can do in whole records.
@@ -116,25 +122,19 @@ impl Finder<'_> {
         if !is_sure && self.validated(study, answer, whole) < MIN_VALIDATED_SHARE_OF_FREE_FORM {
             return Err(Refuted);
         }
-        let place = Place { form, whole, axes: &axes, units: &units };
+        let place = Place { form, whole, axes: &axes, units: &units, noise: judge.power.sqrt() };
         (self.say)("exact fits of formulas");
-        let mut tried: Vec<Tried> = Vec::new();
-        // What a formula can reach at best; one that another outranks even then needs no fit.
-        let least = MIN_ERROR_OVER_LEAST * whole.error.min(judge.power.sqrt());
         let power = |error: f64| error.powi(2);
         let ceiling = power(declared.error) - power(whole.error.min(declared.error));
-        let reaches =
-            |own: &Tried| power(declared.error) - power(own.model.error) >= MIN_SHARE_OF_FREE_FORM * ceiling;
-        for own in &list {
-            // Where no law leaves noise, the likeliest formulas tell whether there is one.
-            let futile = self.aim.is_share() && tried.len() >= MAX_FUTILE && !tried.iter().any(reaches);
-            let share = (form.at.smooth.without - own.held_out) / form.at.gain();
-            let best = tried.iter().map(Tried::rank).fold(f64::INFINITY, f64::min);
-            let outranked = best <= rank(least, &own.formula);
-            if share >= MIN_SHARE_OF_FREE_FORM && !outranked && !futile && !stop::asked() {
-                let exact = self.exact(study, (declared, &[]), &place, &own.formula, share);
-                tried.extend(exact);
-            }
+        let least_gain = MIN_SHARE_OF_FREE_FORM * ceiling;
+        let reaches = |own: &Tried| power(declared.error) - power(own.model.error) >= least_gain;
+        let mut tried = Vec::new();
+        self.fit_formulas(study, declared, &place, (form, list), &reaches, &mut tried);
+        // What changes slowly is lost beside the states that windows start from, and shows in whole records.
+        let as_well = |own: &Tried| own.model.error < MAX_ERROR_OVER_FREE_FORM * whole.error;
+        if self.windows.is_some() && !tried.iter().any(as_well) && !stop::asked() {
+            let list = formulas(whole, &axes);
+            self.fit_formulas(study, declared, &place, (whole, list), &reaches, &mut tried);
         }
         tried.retain(reaches);
         tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
@@ -177,6 +177,35 @@ impl Finder<'_> {
         }))
     }
 
+    /// Fits those formulas of a list exactly that may be the law, in the order of the list, and adds them to those
+    /// `tried`. `form`: the free form that they were found for; `reaches`: whether a formula takes nearly all that the
+    /// free form takes.
+    fn fit_formulas(
+        &self,
+        study: &mut Study,
+        declared: &Model,
+        place: &Place,
+        (form, list): (&FreeForm, Vec<formula::Found>),
+        reaches: &dyn Fn(&Tried) -> bool,
+        tried: &mut Vec<Tried>,
+    ) {
+        // What a formula can reach at best; one that another outranks even then needs no fit.
+        let least = MIN_ERROR_OVER_LEAST * place.whole.error.min(place.noise);
+        let mut fitted = 0;
+        for own in list {
+            // Where no law leaves noise, the likeliest formulas tell whether there is one.
+            let futile = self.aim.is_share() && fitted >= MAX_FUTILE && !tried.iter().any(reaches);
+            let share = (form.at.smooth.without - own.held_out) / form.at.gain();
+            let best = tried.iter().map(Tried::rank).fold(f64::INFINITY, f64::min);
+            let outranked = best <= rank(least, &own.formula);
+            let known = tried.iter().any(|other| other.formula.same_form(&own.formula));
+            if share >= MIN_SHARE_OF_FREE_FORM && !outranked && !futile && !known && !stop::asked() {
+                tried.extend(self.exact(study, (declared, &[]), place, &own.formula, share));
+                fitted += 1;
+            }
+        }
+    }
+
     /// Share of the error on validation records that a free form takes away.
     fn validated(&self, study: &Study, answer: &Answer, form: &FreeForm) -> f64 {
         let validation = pieces(study, Role::Validation);
@@ -186,7 +215,8 @@ impl Finder<'_> {
         share(study, [&self.lacking, &after], &[floor.clone(), floor.clone()])
     }
 
-    /// A formula fitted to whole records, beside further `corrections` of the declared model in units of the noise.
+    /// A formula fitted to whole records, beside further `corrections` of the declared model in units of the noise;
+    /// none where the fit fails, or where it shows the formula to stand for something simpler.
     fn exact(
         &self,
         study: &mut Study,
@@ -217,7 +247,15 @@ impl Finder<'_> {
             }
         };
         let model = if corrections.is_empty() { model } else { self.in_noise(study, corrections, &model?) };
-        Some(Tried { model: model?, effect, formula: formula.clone(), share })
+        let model = model?;
+        let values = &model.fit.parameters[study.candidates[c].entries.clone()];
+        let value = |name: String| {
+            effect.parameters.iter().position(|own| own.name == name).map_or(0.0, |k| values[k])
+        };
+        let fitted = Formula { p: formula.names().into_iter().map(value).collect(), ..formula.clone() };
+        // Whole records may show that what swung in windows is something simpler, of which there are formulas, too.
+        let stands = !formula::has_slow_sine(&fitted, place.axes);
+        stands.then(|| Tried { model, effect, formula: formula.clone(), share })
     }
 
     /// A candidate for an effect, and the parameter vector with it in place of the free form.

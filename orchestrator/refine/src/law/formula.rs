@@ -16,6 +16,8 @@ const BEAM: usize = 8;
 pub const MAX_FORMULAS_GIVEN_ON: usize = 8;
 /// Most parameters: the FMU that evaluates formulas has no more.
 const PARAMETERS: usize = 12;
+/// Turns of a sine within the range of its variable, below which it is a line or a parabola.
+const MIN_TURNS_OF_SINE: f64 = 0.15;
 /// Share of the error that one more unit of complexity must save.
 pub const PRICE_PER_COMPLEXITY: f64 = 0.02;
 
@@ -64,6 +66,14 @@ impl Target {
         let difference = DVector::from_fn(heights.len(), |i, _| heights[i] - self.best[i]);
         &self.factor * difference
     }
+}
+
+/// Whether one of the sines of a formula is so slow within its axis that it stands for something simpler.
+pub fn has_slow_sine(formula: &Formula, axes: &[Axis]) -> bool {
+    formula.by_factor().any(|(own, p)| {
+        let (low, high) = axes[own.variable].range;
+        own.shape == Shape::Sine && p[0].abs() * (high - low) < MIN_TURNS_OF_SINE * std::f64::consts::TAU
+    })
 }
 
 /// The search.
@@ -139,26 +149,17 @@ impl<'a> Search<'a> {
 
     /// Whether shapes lie within what the records show.
     fn sensible(&self, formula: &Formula) -> bool {
-        let mut first = 0;
-        formula.terms.iter().all(|term| {
-            let mut place = first + 1;
-            first += term.count();
-            term.factors.iter().all(|own| {
-                let (low, high) = self.axes[own.variable].range;
-                let span = high - low;
-                own.shape.parameters().iter().all(|(role, _)| {
-                    let value = formula.p[place];
-                    place += 1;
-                    match *role {
-                        "m" => (low - 0.05 * span..=high + 0.05 * span).contains(&value),
-                        "s" | "w" if own.shape == Shape::Decay => {
-                            value.abs() > 0.01 * span && value.abs() < 10.0 * span
-                        }
-                        "s" | "w" => value > 1e-4 * span && value < 3.0 * span,
-                        "q" => value > 0.3 * std::f64::consts::TAU / (2.0 * span),
-                        _ => value.abs() < 20.0,
-                    }
-                })
+        formula.by_factor().all(|(own, p)| {
+            let (low, high) = self.axes[own.variable].range;
+            let span = high - low;
+            own.shape.parameters().iter().zip(p).all(|((role, _), value)| match *role {
+                "m" => (low - 0.05 * span..=high + 0.05 * span).contains(value),
+                "s" | "w" if own.shape == Shape::Decay => {
+                    value.abs() > 0.01 * span && value.abs() < 10.0 * span
+                }
+                "s" | "w" => *value > 1e-4 * span && *value < 3.0 * span,
+                "q" => *value > MIN_TURNS_OF_SINE * std::f64::consts::TAU / span,
+                _ => value.abs() < 20.0,
             })
         })
     }
@@ -250,5 +251,27 @@ impl<'a> Search<'a> {
         }
         kept.truncate(MAX_FORMULAS_GIVEN_ON);
         kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::grammar::Factor;
+
+    #[test]
+    fn a_sine_that_hardly_turns_within_its_axis_is_slow() {
+        let axis = |name, range| Axis { name, unit: "1".into(), range, repeats: true };
+        let axes = [axis("x", (-1.0, 1.0)), axis("v", (-3.0, 3.0))];
+        let formula = |q: f64| {
+            let factors = [(1, Shape::Power(1)), (0, Shape::Sine)];
+            let factors = factors.map(|(variable, shape)| Factor { variable, shape });
+            Formula { terms: vec![Term { factors: factors.into() }], p: vec![1.0, q, 0.2] }
+        };
+        assert_eq!(formula(0.4).by_factor().last().unwrap().1, [0.4, 0.2]);
+        assert_eq!(formula(0.4).names(), ["a", "qb", "pb"]);
+        // A seventh of a turn is 0.45 rad/1 here.
+        assert!(has_slow_sine(&formula(0.4), &axes) && has_slow_sine(&formula(-0.4), &axes));
+        assert!(!has_slow_sine(&formula(0.6), &axes));
     }
 }

@@ -7,6 +7,8 @@ use airloop_series::compound_unit;
 pub enum Shape {
     /// `u^n`
     Power(i32),
+    /// `u - m`, beside a shape of another variable: alone it is a line and a constant
+    Line,
     /// `abs(u)`
     Magnitude,
     /// `abs(u)*u`
@@ -48,7 +50,7 @@ impl Shape {
             Shape::Sine => &[("q", -1), ("p", 0)],
             Shape::Decay => &[("w", 1)],
             Shape::Above | Shape::Below | Shape::AboveSquared | Shape::BelowSquared => &[("m", 1)],
-            Shape::Root | Shape::Weir => &[("m", 1)],
+            Shape::Line | Shape::Root | Shape::Weir => &[("m", 1)],
         }
     }
 
@@ -56,6 +58,7 @@ impl Shape {
     pub fn value(self, u: f64, p: &[f64]) -> f64 {
         match self {
             Shape::Power(n) => u.powi(n),
+            Shape::Line => u - p[0],
             Shape::Magnitude => u.abs(),
             Shape::Square => u.abs() * u,
             Shape::Sign => (u / p[0]).tanh(),
@@ -82,7 +85,7 @@ impl Shape {
     fn power(self) -> i32 {
         match self {
             Shape::Power(n) => n,
-            Shape::Magnitude | Shape::Above | Shape::Below | Shape::Root => 1,
+            Shape::Line | Shape::Magnitude | Shape::Above | Shape::Below | Shape::Root => 1,
             Shape::Square | Shape::AboveSquared | Shape::BelowSquared => 2,
             Shape::Weir => 3,
             _ => 0,
@@ -94,6 +97,7 @@ impl Shape {
         match self {
             Shape::Power(1) => u.to_owned(),
             Shape::Power(n) => format!("{u}^{n}"),
+            Shape::Line => format!("({u} - m{tag})"),
             Shape::Magnitude => format!("abs({u})"),
             Shape::Square => format!("abs({u})*{u}"),
             Shape::Sign => format!("tanh({u}/s{tag})"),
@@ -213,6 +217,35 @@ impl Formula {
         sum
     }
 
+    /// Factors of all terms, each with the parameters of its shape.
+    pub fn by_factor(&self) -> impl Iterator<Item = (&Factor, &[f64])> {
+        let mut first = 0;
+        self.terms.iter().flat_map(move |term| {
+            let mut place = first + 1;
+            first += term.count();
+            term.factors.iter().map(move |own| {
+                let begin = place;
+                place += own.shape.parameters().len();
+                (own, &self.p[begin..place])
+            })
+        })
+    }
+
+    /// Names of the parameters.
+    pub fn names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for (index, term) in self.terms.iter().enumerate() {
+            let number = if self.terms.len() == 1 { String::new() } else { (index + 1).to_string() };
+            names.push(format!("a{number}"));
+            for (k, own) in term.factors.iter().enumerate() {
+                let second = if k == 0 { "" } else { "b" };
+                names
+                    .extend(own.shape.parameters().iter().map(|(role, _)| format!("{role}{number}{second}")));
+            }
+        }
+        names
+    }
+
     /// How much it assumes.
     pub fn complexity(&self) -> usize {
         self.terms.iter().map(Term::complexity).sum()
@@ -235,6 +268,7 @@ impl Formula {
     /// Text, and name, unit and value of each parameter; `unit`: that of the value.
     pub fn written(&self, axes: &[Axis], unit: &str) -> (String, Vec<(String, String, f64)>) {
         let (mut text, mut parameters, mut first) = (String::new(), Vec::new(), 0);
+        let names = self.names();
         for (index, term) in self.terms.iter().enumerate() {
             let number = if self.terms.len() == 1 { String::new() } else { (index + 1).to_string() };
             let rooted = term.factors.iter().any(|own| own.shape.rooted());
@@ -250,7 +284,7 @@ impl Formula {
                 })
                 .collect();
             let own_unit = product(&[&[(unit, if rooted { 2 } else { 1 })], &powers[..]].concat());
-            let name = format!("a{number}");
+            let name = &names[first];
             let mut place = first + 1;
             let mut factors = Vec::new();
             let mut inside = Vec::new();
@@ -261,14 +295,14 @@ impl Formula {
                     let list = if own.shape.rooted() { &mut inside } else { &mut factors };
                     list.push(own.shape.text(axis.name, &tag));
                 }
-                for (role, sign) in own.shape.parameters() {
-                    parameters.push((format!("{role}{tag}"), product(&[(&axis.unit, *sign)]), self.p[place]));
+                for (_, sign) in own.shape.parameters() {
+                    parameters.push((names[place].clone(), product(&[(&axis.unit, *sign)]), self.p[place]));
                     place += 1;
                 }
             }
             let value = if rooted { amplitude * amplitude } else { amplitude };
             parameters.push((name.clone(), own_unit, value));
-            let head = if rooted { format!("sqrt({name}*{})", inside.join("*")) } else { name };
+            let head = if rooted { format!("sqrt({name}*{})", inside.join("*")) } else { name.clone() };
             let own_text = std::iter::once(head).chain(factors).collect::<Vec<_>>().join("*");
             let negative = rooted && amplitude < 0.0;
             text += match (text.is_empty(), negative) {
@@ -360,6 +394,7 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
     if axes.len() == 2 {
         let left = [
             Shape::Power(1),
+            Shape::Line,
             Shape::Power(2),
             Shape::Magnitude,
             Shape::Sine,

@@ -149,7 +149,7 @@ fn sought(
     if partly {
         // Effects of the list stay unless a law leaves much less than they do, or they have not its form.
         let much = if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left;
-        if !law.named || 1.0 - law.share > much && !imitated(study, found, &law, aim) {
+        if !law.named && !complete || 1.0 - law.share > much && !imitated(study, found, &law, aim) {
             return None;
         }
         let main = found.share.unwrap_or(0.0) >= MIN_SHARE_OF_MAIN_TERM * law.share;
