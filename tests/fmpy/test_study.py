@@ -336,15 +336,24 @@ def test_seal(tmp_path):
 
 
 def test_linear_axis(tmp_path):
-    found = measured("linear_axis_emps", tmp_path)
-    # Coulomb friction, and beside it a law over position and velocity that holds the direction, too.
-    assert named(found) == ["cf.coulomb"] and found["law"]["port"] == "F_ext"
-    before, after = (found["residual"]["validation"][key] for key in ("rms_before", "rms_after"))
-    assert before["position"] == pytest.approx(6.25e-3, rel=0.01) and after["position"] <= 0.5e-3
-    assert before["drive_force"] == pytest.approx(10.1, rel=0.01) and after["drive_force"] <= 3.6
-    # The whole validation record in one simulation, from initial states fitted to its first half second.
-    system, study = tmp_path / "out" / "system" / "system.ssd", MEASURED / "linear_axis_emps"
-    run = start("run", system, "--study", study, "--free-run", "0.5s", "-o", tmp_path / "run")
-    assert run.returncode == 0, run.stderr
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["validation"]["rms"]["position"] <= 3.5e-3
+    """The same two effects at the step of the records and at two longer ones, each inside the other's intervals."""
+    folder = MEASURED / "linear_axis_emps"
+    found = [measured("linear_axis_emps", tmp_path)]
+    before, after = (found[0]["residual"]["validation"][key] for key in ("rms_before", "rms_after"))
+    assert before["position"] == pytest.approx(6.25e-3, rel=0.01) and after["position"] <= 1.39e-3
+    assert before["drive_force"] == pytest.approx(10.1, rel=0.01) and after["drive_force"] <= 3.05
+    for step in ("5ms", "6.67ms"):
+        files = [folder / f"{name}.csv" for name in ("estimation", "validation")]
+        # The force acts between the samples that a longer step leaves, too: its last value says less than its mean.
+        done = start("resample", *files, "--step", step, "-o", tmp_path / step)
+        assert done.returncode == 0, done.stderr
+        shutil.copy(folder / "dataset.toml", tmp_path / step)
+        found.append(report(tmp_path / step, tmp_path / f"out-{step}"))
+    intervals = {}
+    for one in found:
+        assert named(one) == ["cf.coulomb", "cf.asymmetry"] and one["law"] is None
+        for effect in (own for own in one["effects"] if own["selected"]):
+            for name, own in effect["params"].items():
+                intervals.setdefault((effect["id"], name), []).append((own["value"], own["ci95"]))
+    for own in intervals.values():
+        assert all(low < value < high for value, _ in own for _, (low, high) in own), intervals

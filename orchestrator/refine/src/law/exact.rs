@@ -253,8 +253,7 @@ impl Finder<'_> {
             effect.parameters.iter().position(|own| own.name == name).map_or(0.0, |k| values[k])
         };
         let fitted = Formula { p: formula.names().into_iter().map(value).collect(), ..formula.clone() };
-        // Whole records may show that what swung in windows is something simpler, of which there are formulas, too.
-        let stands = !formula::has_slow_sine(&fitted, place.axes);
+        let stands = formula::sines_are_seen(&fitted, &place.form.surface.knots);
         stands.then(|| Tried { model, effect, formula: formula.clone(), share })
     }
 

@@ -154,7 +154,6 @@ impl Finder<'_> {
             name: name(*variable),
             unit: Self::unit(study, tap, *variable),
             range: (knots[0], knots[knots.len() - 1]),
-            repeats: *variable != Variable::Velocity || !self.beside.is_empty(),
         };
         surface.variables.iter().zip(&surface.knots).map(axis).collect()
     }

@@ -68,12 +68,17 @@ impl Target {
     }
 }
 
-/// Whether one of the sines of a formula is so slow within its axis that it stands for something simpler.
-pub fn has_slow_sine(formula: &Formula, axes: &[Axis]) -> bool {
-    formula.by_factor().any(|(own, p)| {
-        let (low, high) = axes[own.variable].range;
-        own.shape == Shape::Sine && p[0].abs() * (high - low) < MIN_TURNS_OF_SINE * std::f64::consts::TAU
-    })
+/// Whether the sines of a formula can be seen at knots of its variables, `[variables][knots]`: one that turns less is
+/// something simpler, and of one that turns more often than every second knot they show nothing.
+pub fn sines_are_seen(formula: &Formula, knots: &[Vec<f64>]) -> bool {
+    let mut sines = formula.by_factor().filter(|(own, _)| own.shape == Shape::Sine);
+    sines.all(|(own, p)| is_seen(p[0], &knots[own.variable]))
+}
+
+/// Whether a sine with `q` radians per unit of a variable can be seen at its knots.
+fn is_seen(q: f64, knots: &[f64]) -> bool {
+    let turns = q.abs() * (knots[knots.len() - 1] - knots[0]) / std::f64::consts::TAU;
+    (MIN_TURNS_OF_SINE..=0.5 * (knots.len() - 1) as f64).contains(&turns)
 }
 
 /// The search.
@@ -149,7 +154,8 @@ impl<'a> Search<'a> {
 
     /// Whether shapes lie within what the records show.
     fn sensible(&self, formula: &Formula) -> bool {
-        formula.by_factor().all(|(own, p)| {
+        let sines = sines_are_seen(formula, &self.surface.knots);
+        let shapes = formula.by_factor().all(|(own, p)| {
             let (low, high) = self.axes[own.variable].range;
             let span = high - low;
             own.shape.parameters().iter().zip(p).all(|((role, _), value)| match *role {
@@ -158,10 +164,11 @@ impl<'a> Search<'a> {
                     value.abs() > 0.01 * span && value.abs() < 10.0 * span
                 }
                 "s" | "w" => *value > 1e-4 * span && *value < 3.0 * span,
-                "q" => *value > MIN_TURNS_OF_SINE * std::f64::consts::TAU / span,
+                "q" => *value > 0.0,
                 _ => value.abs() < 20.0,
             })
-        })
+        });
+        sines && shapes
     }
 
     /// A formula with one more term, from every start of its shapes; the best fit.
@@ -171,6 +178,8 @@ impl<'a> Search<'a> {
             let some = own.shape.starts(self.axes[own.variable].range);
             starts = starts.iter().flat_map(|a| some.iter().map(|b| [&a[..], b].concat())).collect();
         }
+        let alone = |shape: &[f64]| Formula { terms: vec![term.clone()], p: [&[1.0], shape].concat() };
+        starts.retain(|shape| sines_are_seen(&alone(shape), &self.surface.knots));
         let base_residuals = self.all.residuals(&self.heights(base));
         let tried = starts.into_iter().filter_map(|shape| {
             let column = self.surface.heights_of(|at| term.shape(at, &shape));
@@ -260,9 +269,11 @@ mod tests {
     use crate::law::grammar::Factor;
 
     #[test]
-    fn a_sine_that_hardly_turns_within_its_axis_is_slow() {
-        let axis = |name, range| Axis { name, unit: "1".into(), range, repeats: true };
-        let axes = [axis("x", (-1.0, 1.0)), axis("v", (-3.0, 3.0))];
+    fn a_sine_is_seen_if_it_turns_and_has_two_knots_for_a_turn() {
+        let knots = |size: f64, count: usize| -> Vec<f64> {
+            (0..count).map(|k| size * (2.0 * k as f64 / (count - 1) as f64 - 1.0)).collect()
+        };
+        let knots = [knots(1.0, 6), knots(3.0, 6)];
         let formula = |q: f64| {
             let factors = [(1, Shape::Power(1)), (0, Shape::Sine)];
             let factors = factors.map(|(variable, shape)| Factor { variable, shape });
@@ -270,8 +281,8 @@ mod tests {
         };
         assert_eq!(formula(0.4).by_factor().last().unwrap().1, [0.4, 0.2]);
         assert_eq!(formula(0.4).names(), ["a", "qb", "pb"]);
-        // A seventh of a turn is 0.45 rad/1 here.
-        assert!(has_slow_sine(&formula(0.4), &axes) && has_slow_sine(&formula(-0.4), &axes));
-        assert!(!has_slow_sine(&formula(0.6), &axes));
+        // A seventh of a turn over a width of 2 is a q of 0.47, two and a half turns are one of 7.85.
+        let seen = [0.4, -0.4, 0.6, -7.5, 8.0].map(|q| sines_are_seen(&formula(q), &knots));
+        assert_eq!(seen, [false, false, true, true, false]);
     }
 }

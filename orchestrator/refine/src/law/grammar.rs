@@ -191,9 +191,14 @@ pub struct Axis {
     pub unit: String,
     /// Least and largest value.
     pub range: (f64, f64),
+}
+
+impl Axis {
     /// Whether a law over it may come back to the same value again and again: teeth along a way, a turn of a shaft, a
-    /// rhythm in time. Over a velocity only beside effects, where all that is simple is in them.
-    pub repeats: bool,
+    /// rhythm in time.
+    fn repeats(&self) -> bool {
+        self.name != "v"
+    }
 }
 
 /// A sum of terms.
@@ -379,7 +384,7 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
     for (variable, axis) in axes.iter().enumerate() {
         let both = axis.range.0 < 0.0 && axis.range.1 > 0.0;
         let mut shapes = vec![Shape::Power(1), Shape::Power(2), Shape::Power(3), Shape::Bump];
-        shapes.extend(axis.repeats.then_some(Shape::Sine));
+        shapes.extend(axis.repeats().then_some(Shape::Sine));
         shapes.extend([Shape::Above, Shape::Below, Shape::AboveSquared, Shape::BelowSquared, Shape::Step]);
         if both {
             shapes.extend([Shape::Magnitude, Shape::Square, Shape::Sign, Shape::Peak, Shape::Power(5)]);
@@ -415,7 +420,7 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
                     let mirrored = Term { factors: term.factors.iter().rev().copied().collect() };
                     let sense = match one {
                         Shape::Decay => axes[a].range.0 >= 0.0,
-                        Shape::Sine => axes[a].repeats,
+                        Shape::Sine => axes[a].repeats(),
                         _ => true,
                     };
                     if sense && !found.contains(&mirrored) {
@@ -434,7 +439,7 @@ mod tests {
     use airloop_expression::Expression;
 
     fn axes() -> Vec<Axis> {
-        let axis = |name, unit: &str, range| Axis { name, unit: unit.into(), range, repeats: true };
+        let axis = |name, unit: &str, range| Axis { name, unit: unit.into(), range };
         vec![axis("x", "m", (-0.2, 0.3)), axis("v", "m/s", (-1.0, 1.0))]
     }
 

@@ -277,7 +277,7 @@ impl Finder<'_> {
                 _ => f.clone(),
             };
             let range = (knots[0], knots[knots.len() - 1]);
-            Axis { name: name(*variable), unit, range, repeats: *variable != Variable::Velocity }
+            Axis { name: name(*variable), unit, range }
         };
         form.surface.variables.iter().zip(&form.surface.knots).map(axis).collect()
     }
