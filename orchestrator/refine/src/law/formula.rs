@@ -68,8 +68,8 @@ impl Target {
     }
 }
 
-/// Whether the sines of a formula can be seen at knots of its variables, `[variables][knots]`: one that turns less is
-/// something simpler, and of one that turns more often than every second knot they show nothing.
+/// Whether every sine of a formula turns by [`MIN_TURNS_OF_SINE`] or more over the knots of its variable,
+/// `[variables][knots]`, and has two of them for a turn: with fewer, they say nothing of what lies between.
 pub fn sines_are_seen(formula: &Formula, knots: &[Vec<f64>]) -> bool {
     let mut sines = formula.by_factor().filter(|(own, _)| own.shape == Shape::Sine);
     sines.all(|(own, p)| is_seen(p[0], &knots[own.variable]))
