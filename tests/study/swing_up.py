@@ -1,12 +1,13 @@
-"""Swing-up over the coupled FMUs against CasADi with IPOPT: `make study-swing-up`.
+"""Swing-up over the coupled FMUs against CasADi with IPOPT and with fatrop: `make study-swing-up`.
 
     .venv/bin/python tests/study/swing_up.py [folder, default out/study] [INTERVALS ..., default 200]
 
-Both from the pump guess, in turns, one thread, CPU time. Ours counts everything from the files on: opening the FMUs,
-building the problem, solving it. Of IPOPT only the solve counts, in the faster of two forms of the expressions; its
-set-up is a column of its own. Then IPOPT starts once more from our optimum and has to stay there.
+All from the pump guess, in turns, one thread, CPU time. Ours counts everything from the files on: opening the FMUs,
+building the problem, solving it. Of the others only the solve counts, of IPOPT in the faster of two forms of the expressions;
+their set-up is a column of its own. Then IPOPT starts once more from our optimum and has to stay there.
 
 Writes swing_up.csv, one row per transcription and mesh; prints it as a table. Nothing fails here: read the ratios.
+Then ours alone with ten times the first number of intervals: time and iterations per interval against those of that number.
 
 After that re-solves of the swing-up with 50 intervals (hs), initial states 2 % off (`orchestrator/plan/benches/resolve.rs`),
 over our FMUs and over the same without directional derivatives, as other tools export them: resolve.txt. `resolves` as
@@ -27,13 +28,16 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "reference"))
 
 import numpy as np  # noqa: E402
-import swing_up_ipopt as peer  # noqa: E402  (needs the path above)
+import swing_up_fatrop as second_peer  # noqa: E402  (needs the path above)
+import swing_up_ipopt as peer  # noqa: E402
 
 KINDS = ("hs", "trap", "ms", "sc")
 ROUNDS = 3
+MANY = 10
 COLUMNS = [
     "kind", "intervals", "iterations", "objective", "load_ms", "build_ms", "solve_ms", "total_ms", "status",
     "ipopt_iterations", "ipopt_objective", "ipopt_solve_ms", "ipopt_setup_ms", "ratio", "ipopt_from_ours_relative_difference",
+    "fatrop_iterations", "fatrop_objective", "fatrop_solve_ms", "fatrop_setup_ms", "fatrop_ratio",
 ]  # fmt: skip
 
 
@@ -66,6 +70,8 @@ def row(bench, kind, count, file):
         for expand in (False,) if kind == "ms" else (True, False):
             now = peer.solve(kind, count, expand, repetitions=1)
             solved = now if solved is None or now[2] < solved[2] else solved
+    # Its set-up takes longer than all solves here.
+    staged = second_peer.solve(kind, count, repetitions=ROUNDS)
     start = np.loadtxt(file)
     _, again, *_ = peer.solve(kind, count, False, start, 1)
     return {
@@ -73,7 +79,27 @@ def row(bench, kind, count, file):
         "ipopt_solve_ms": 1e3 * solved[2], "ipopt_setup_ms": 1e3 * solved[3],
         "ratio": found["total_ms"] / (1e3 * solved[2]),
         "ipopt_from_ours_relative_difference": abs(again - found["objective"]) / again,
+        "fatrop_iterations": staged[0], "fatrop_objective": staged[1] if staged[4] else np.nan,
+        "fatrop_solve_ms": 1e3 * staged[2], "fatrop_setup_ms": 1e3 * staged[3],
+        "fatrop_ratio": found["total_ms"] / (1e3 * staged[2]),
     }  # fmt: skip
+
+
+def many(bench, count):
+    """Prints what an interval costs where there are ten times as many."""
+    print("\nkind  count  iterations  from files to optimum, ms  per interval, us  ratio  per iteration, too")
+    with tempfile.TemporaryDirectory() as scratch:
+        for kind in KINDS:
+            costs = []
+            for now in (count, MANY * count):
+                rounds = [ours(bench, kind, now, Path(scratch) / "solution.txt") for _ in range(ROUNDS)]
+                best = min(rounds, key=lambda one: one["total_ms"])
+                costs.append((1e3 * best["total_ms"] / now, 1e3 * best["total_ms"] / now / best["iterations"]))
+                ratios = [own / first for own, first in zip(costs[-1], costs[0])]
+                print(
+                    f"{kind:5} {now:5} {best['iterations']:11} {best['total_ms']:26.1f} {costs[-1][0]:17.1f} {ratios[0]:6.2f} {ratios[1]:19.2f}",
+                    flush=True,
+                )
 
 
 def without_derivatives(scratch):
@@ -119,16 +145,21 @@ def main():
     with open(folder / "swing_up.csv", "w", newline="") as file, tempfile.TemporaryDirectory() as scratch:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        print("kind  count  iterations  objective          from files to optimum, ms   IPOPT's solve, ms  ratio  IPOPT from ours")
+        print(
+            "kind  count  iterations  objective          from files to optimum, ms   IPOPT's solve, ms  ratio  IPOPT from ours"
+            "   fatrop's solve, ms  ratio"
+        )
         for kind in KINDS:
             for count in counts:
                 now = row(bench, kind, count, Path(scratch) / "solution.txt")
                 writer.writerow(now)
                 print(
                     f"{kind:5} {count:5} {now['iterations']:11} {now['objective']:17.9f} {now['total_ms']:17.1f} "
-                    f"{now['ipopt_solve_ms']:27.1f} {now['ratio']:6.2f}  {now['ipopt_from_ours_relative_difference']:.1e}",
+                    f"{now['ipopt_solve_ms']:27.1f} {now['ratio']:6.2f}  {now['ipopt_from_ours_relative_difference']:.1e}"
+                    f"{now['fatrop_solve_ms']:28.1f} {now['fatrop_ratio']:6.2f}",
                     flush=True,
                 )
+    many(bench, counts[0])
     resolves(folder)
     print(f"written: {folder / 'swing_up.csv'}, resolve.txt")
 
