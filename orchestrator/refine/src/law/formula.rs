@@ -68,7 +68,7 @@ impl Target {
     }
 }
 
-/// Whether every sine of a formula turns by [`MIN_TURNS_OF_SINE`] or more over the knots of its variable,
+/// Whether every sine of a formula turns by `MIN_TURNS_OF_SINE` or more over the knots of its variable,
 /// `[variables][knots]`, and has two of them for a turn: with fewer, they say nothing of what lies between.
 pub fn sines_are_seen(formula: &Formula, knots: &[Vec<f64>]) -> bool {
     let mut sines = formula.by_factor().filter(|(own, _)| own.shape == Shape::Sine);
