@@ -9,11 +9,10 @@ of nodes are states then. Bounds that leave no room (initial and final states) a
 """
 
 import sys
-import time
 
 import casadi as ca
 import numpy as np
-from swing_up_ipopt import PUMP, STROKE, T, U_MAX, interval
+from swing_up_ipopt import PUMP, STROKE, T, U_MAX, asked, interval, timed
 
 FREE = np.inf
 
@@ -65,20 +64,18 @@ def transcribe(kind, count):
             controls.append(s.variable("n", [FREE] * nx, [*at_node(k + 1), *[0] * (nx - 6)]))
         stages.append((x, controls))
     for k, (x, controls) in enumerate(stages):
+        y, dynamics = x[:6], 0
         before = len(s.least)
-        y = x[:6]
         if controls is not None:
             u = controls[0] if held else x[6]
             um = controls[0] if kind == "hs" else 0
-            copy = None if kind == "ms" else controls[-1]
-            next_state = stages[k + 1][0]
-            if copy is None:
+            next_state, copy = stages[k + 1][0], controls[-1]
+            if kind == "ms":
                 s.zero(defect(y, u, um, next_state, 0))
             else:
                 s.zero(next_state - copy)
-            before = len(s.least)
-            if copy is not None:
                 s.zero(defect(y, u, um, copy[:6], 0 if held else copy[6]))
+            dynamics = nx
             if held:
                 s.cost += h * u**2
             elif kind == "trap":
@@ -91,7 +88,7 @@ def transcribe(kind, count):
             s.zero(y[:4] - ca.DM([0, np.pi, 0, 0]))
         s.sizes["nx"].append(nx)
         s.sizes["nu"].append(0 if controls is None else sum(own.numel() for own in controls))
-        s.sizes["ng"].append(len(s.least) - before)
+        s.sizes["ng"].append(len(s.least) - before - dynamics)
     problem = {"x": ca.vertcat(*s.x), "f": s.cost, "g": ca.vertcat(*s.g)}
     bounds = {"x0": s.guess, "lbx": s.low, "ubx": s.high, "lbg": s.least, "ubg": s.most}
     return problem, bounds, s.sizes
@@ -101,23 +98,13 @@ def solve(kind, count, expand=True, repetitions=1):
     """Iterations, objective, CPU time [s] of the fastest solve and of the set-up, and whether it succeeded."""
     problem, arguments, sizes = transcribe(kind, count)
     structure = {"structure_detection": "manual", "N": count, **sizes, "equality": [True] * len(arguments["lbg"])}
-    options = {"fatrop.print_level": 0, "print_time": False, "expand": expand, **structure}
-    begin = time.process_time()
-    solver = ca.nlpsol("solver", "fatrop", problem, options)
-    setup = time.process_time() - begin
-    best = np.inf
-    for _ in range(repetitions):
-        begin = time.process_time()
-        found = solver(**arguments)
-        best = min(best, time.process_time() - begin)
-    stats = solver.stats()
-    return stats["iter_count"], float(found["f"]), best, setup, stats["success"]
+    options = {"fatrop.print_level": 0, "expand": expand, **structure}
+    *found, stats = timed("fatrop", problem, arguments, options, repetitions)
+    return *found, stats["success"]
 
 
 def main():
-    words = sys.argv[1:]
-    kinds = [w for w in words if not w.isdigit()] or ["hs", "trap", "ms", "sc"]
-    counts = [int(w) for w in words if w.isdigit()] or [100, 200, 400]
+    kinds, counts = asked(sys.argv[1:])
     print("kind  count  iterations         objective  solve, ms  setup, ms  (CPU)")
     for kind in kinds:
         for count in counts:

@@ -125,14 +125,10 @@ def transcribe(kind, count):
     return problem, {**arguments, "lbg": 0, "ubg": 0}
 
 
-def solve(kind, count, expand, start=None, repetitions=3):
-    """Iterations, objective, CPU time [s] of the fastest solve and of the set-up, and IPOPT's status."""
-    problem, arguments = transcribe(kind, count)
-    if start is not None:
-        arguments["x0"] = start
-    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "expand": expand}
+def timed(name, problem, arguments, options, repetitions):
+    """Iterations, objective, CPU time [s] of the fastest solve and of the set-up, and the statistics of a solver of CasADi."""
     begin = time.process_time()
-    solver = ca.nlpsol("solver", "ipopt", problem, options)
+    solver = ca.nlpsol("solver", name, problem, {"print_time": False, **options})
     setup = time.process_time() - begin
     best = np.inf
     for _ in range(repetitions):
@@ -140,13 +136,27 @@ def solve(kind, count, expand, start=None, repetitions=3):
         found = solver(**arguments)
         best = min(best, time.process_time() - begin)
     stats = solver.stats()
-    return stats["iter_count"], float(found["f"]), best, setup, stats["return_status"]
+    return stats["iter_count"], float(found["f"]), best, setup, stats
+
+
+def asked(words):
+    """Transcriptions and numbers of intervals of a command line, all where it has none."""
+    kinds = [w for w in words if not w.isdigit()] or ["hs", "trap", "ms", "sc"]
+    return kinds, [int(w) for w in words if w.isdigit()] or [100, 200, 400]
+
+
+def solve(kind, count, expand, start=None, repetitions=3):
+    """Iterations, objective, CPU time [s] of the fastest solve and of the set-up, and IPOPT's status."""
+    problem, arguments = transcribe(kind, count)
+    if start is not None:
+        arguments["x0"] = start
+    options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "expand": expand}
+    *found, stats = timed("ipopt", problem, arguments, options, repetitions)
+    return *found, stats["return_status"]
 
 
 def main():
-    words = sys.argv[1:]
-    kinds = [w for w in words if not w.isdigit()] or ["hs", "trap", "ms", "sc"]
-    counts = [int(w) for w in words if w.isdigit()] or [100, 200, 400]
+    kinds, counts = asked(sys.argv[1:])
     print("kind  count form      iterations         objective  solve, ms  setup, ms  (CPU)")
     for kind in kinds:
         for count in counts:

@@ -34,7 +34,7 @@ const MAX_DIFFERENCE_OF_EQUALS: f64 = 0.03;
 /// Ratio of the error of a formula to the less of that of the free form and of the noise, below which none comes.
 const MIN_ERROR_OVER_LEAST: f64 = 0.98;
 /// Share of the declared model's error, and ratio to that of the free form, up to one of which a fit to whole records
-/// is at its optimum.
+/// is at its optimum. A formula within the latter does as well as the free form.
 const MAX_ERROR_OVER_DECLARED: f64 = 0.5;
 const MAX_ERROR_OVER_FREE_FORM: f64 = 1.1;
 /// Ratio of the error of a law with a memory, by the derivatives around the model without it, to the error of the best
