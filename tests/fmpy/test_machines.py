@@ -44,6 +44,19 @@ def test_tanks_that_run_over_get_no_offset_larger_than_their_command(tmp_path):
     assert [effect["id"] for effect in report["effects"] if effect["selected"]] == ["overflow@u"]
 
 
+def test_a_part_of_what_runs_over_is_found_in_the_lower_tank_and_the_amended_system_has_it(tmp_path):
+    # Levels above the brim of the upper tank do not last: a block that is faster than the step of the records.
+    truth, report = refined("tanks_03", tmp_path, seed=4001)
+    selected = {effect["id"]: effect["params"] for effect in report["effects"] if effect["selected"]}
+    assert selected["caught_overflow@q_1"]["caught"]["value"] == pytest.approx(truth["law"]["caught"], abs=0.02)
+    left = report["residual"]["validation"]["rms_after"]["level"]
+    assert left < 0.05 and truth["floor"] == 0.03
+    words = ["run", tmp_path / "out" / "system" / "system.ssd", "--study", tmp_path / "tanks_03" / "study.toml", "-o", tmp_path / "run"]
+    again = start(*words)
+    found = next(line.split() for line in again.stdout.splitlines() if "validation" in line)
+    assert float(found[found.index("level") + 1]) == pytest.approx(left, rel=1e-3), again.stdout + again.stderr
+
+
 def test_tanks_that_lack_nothing_get_no_law(tmp_path):
     _, report = refined("tanks_00_none", tmp_path)
     assert report["verdict"] == "none"

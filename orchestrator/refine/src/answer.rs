@@ -108,6 +108,8 @@ pub struct Wiring {
     pub sign: f64,
     /// Coulomb level that presliding acts on.
     pub level: f64,
+    /// Port that gets a part of what is taken off, and its [`Wiring::sign`].
+    pub into: Option<(String, f64)>,
 }
 
 impl Effect {

@@ -73,6 +73,7 @@ pub fn kind(kind: &str) -> &str {
         "leakage" => "leakage with the square root of the level",
         "linear_leakage" => "leakage in proportion to the level",
         "overflow" => "an overflow above a level",
+        "caught_overflow" => "an overflow above a level, a part of which the next level gets",
         "drift" => "a drift with time",
         "lag" => "a first-order lag",
         "fill" => "a lag with different rates up and down (filling and emptying)",

@@ -3,7 +3,7 @@
 use airloop_cosim::system::ssp::Endpoint;
 use airloop_fmi::derive::Value;
 
-use super::blocks::Sources;
+use super::blocks::{self, Sources};
 use super::network::{Block, Part};
 use crate::answer::{Effect, Wiring};
 
@@ -35,7 +35,7 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
         "cubic_spring" => (&["cubic_stiffness", "cubic_rest"], &["x"]),
         "linear_leakage" => (&["spring_stiffness"], &["x"]),
         "leakage" => (&["outlet_coef"], &["x"]),
-        "overflow" => (&["endstop_stiffness", "endstop_pos"], &["x"]),
+        "overflow" | "caught_overflow" => (&["endstop_stiffness", "endstop_pos"], &["x"]),
         "drift" => (&["drift_slope"], &[]),
         "lag" => (&["lag_up", "lag_down"], &[]),
         "fill" => (&["lag_up", "lag_down"], &[]),
@@ -91,6 +91,22 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
     };
     let further = inputs.iter().filter_map(|&input| source(input)).collect();
     Some(Block { part, way: ("u", "y", None), further })
+}
+
+/// The block of the part of an overflow that the next level gets; `sign`: -1 where a larger value makes that level
+/// fall, `sources`: those of the level that runs over.
+pub fn caught(effect: &Effect, name: String, sign: f64, sources: &Sources) -> Block {
+    let value = |name: &str| blocks::value(effect, name);
+    let values = [
+        ("endstop_stiffness", value("coef") * value("caught")),
+        ("endstop_pos", value("level")),
+        // What the other port loses comes in here.
+        ("sign", -sign),
+    ];
+    let start = values.map(|(name, value)| (name.to_owned(), Value::Real(value))).into();
+    let part = Part { name, template: "port-effect", description: description(effect), start };
+    let further = sources.x.clone().map(|source| ("x", None, source)).into_iter().collect();
+    Block { part, way: ("u", "y", None), further }
 }
 
 /// One sentence on an effect.

@@ -119,7 +119,7 @@ fn wiring(
     let declared = attachment.coulomb.as_ref().and_then(|name| start(network, graph, name)).unwrap_or(0.0);
     let (vt, v0, level) = (attachment.sign_velocity(), attachment.v0.unwrap_or(0.0), declared + added);
     let Attachment { input, velocity, position, pressure_force: load, pressure, .. } = attachment;
-    Some((input, Wiring { velocity, position, load, pressure, vt, v0, sign: 1.0, level }))
+    Some((input, Wiring { velocity, position, load, pressure, vt, v0, sign: 1.0, level, into: None }))
 }
 
 /// Writes what connections convert between units into them: blocks have none.
@@ -293,11 +293,20 @@ fn place(
                     interval: (value, value),
                 });
             }
-            Some(own::block(&formula, (&effect, name), wiring.sign, &sources))
+            Some(own::block(&formula, (&effect, name.clone()), wiring.sign, &sources))
         });
     let Some(block) = block else { return };
+    insert_all(network, &targets, &block);
+    if let Some((into, sign)) = &wiring.into {
+        let targets = self::targets(network, graph, into);
+        insert_all(network, &targets, &port::caught(effect, format!("{name}_caught"), *sign, &sources));
+    }
+}
+
+/// Puts a block in front of each of these inputs.
+fn insert_all(network: &mut Network, targets: &[Endpoint], block: &Block) {
     for (index, target) in targets.iter().enumerate() {
-        let mut own: Block = block.clone();
+        let mut own = block.clone();
         own.part.name = numbered(own.part.name, index);
         network.insert(target, own, false);
     }

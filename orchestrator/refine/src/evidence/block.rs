@@ -75,7 +75,9 @@ fn axes(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
         Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging | Law::CubicSpring => {
             (Position, Shown::Added)
         }
-        Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked => (Position, Shown::Taken),
+        Law::Leakage | Law::Outlet | Law::Overflow | Law::CaughtOverflow | Law::Choked => {
+            (Position, Shown::Taken)
+        }
         Law::Drift => (Time, Shown::Added),
         Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => (Value, Shown::Passed),
         Law::PositionGain => (Position, Shown::Factor),
@@ -95,7 +97,7 @@ fn axes(law: Law, own: Option<&Own>) -> Option<(Variable, Shown)> {
             }
         }
         Law::Offset | Law::Area | Law::Bias | Law::Quantization => return None,
-        Law::Memory(_) | Law::Shape(_) | Law::Surface(_) => return None,
+        Law::Memory(_) | Law::Shape(_) | Law::Surface(_) | Law::Caught(_) => return None,
     })
 }
 

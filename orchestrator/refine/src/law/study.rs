@@ -329,6 +329,7 @@ pub(crate) fn push(
         starts: vec![vec![0.0; count]],
         complexity: count,
         probe: true,
+        into: None,
         needs: None,
     });
     study.candidates.len() - 1

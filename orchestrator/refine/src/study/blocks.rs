@@ -186,6 +186,7 @@ impl Blocks<'_> {
                 let at = match law {
                     Law::Stribeck => Point { velocity: from_sign_change, ..point },
                     Law::Load => Point { value, ..point },
+                    Law::Caught(from) => self.point(*from, slots),
                     _ => point,
                 };
                 value -= sign * law.force(p, &at, s, z, level);

@@ -14,6 +14,7 @@ use super::law::{KNOTS, Law, Variable};
 use super::model::{Action, Entry, Level, Sensor, Study, Target};
 use super::ports;
 use super::sensors;
+use super::stiffness;
 use crate::answer::Effect;
 use crate::engine::fit::Free;
 use crate::vocabulary::PortKind;
@@ -41,6 +42,8 @@ pub struct Candidate {
     pub complexity: usize,
     /// A free form that shows on what the residual depends; never part of an answer.
     pub probe: bool,
+    /// Attachment of the level that gets a part of what is taken off here.
+    pub into: Option<usize>,
     /// It changes the Coulomb level of its attachment: without one in the declared model it needs this other one.
     pub needs: Option<usize>,
 }
@@ -147,10 +150,10 @@ fn starts(
         Law::Spring | Law::EndStop | Law::LowerStop | Law::PositionGain | Law::CubicSpring if x <= 0.0 => {
             return Err(needs_position);
         }
-        Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked if x <= 0.0 => {
+        Law::Leakage | Law::Outlet | Law::Overflow | Law::CaughtOverflow | Law::Choked if x <= 0.0 => {
             return Err("the level does not change in the estimation records, or none is known at the port");
         }
-        Law::Outlet | Law::Overflow if position.0 < -0.01 * x || position.1 <= 0.0 => {
+        Law::Outlet | Law::Overflow | Law::CaughtOverflow if position.0 < -0.01 * x || position.1 <= 0.0 => {
             return Err("the position at its port is below zero at times, so that it is no level");
         }
         Law::Choked if position.0 <= 0.0 => {
@@ -180,6 +183,7 @@ fn starts(
             [slack, middle + 1e-3 * x].map(|rest| vec![0.0, rest]).into()
         }
         Law::Overflow => [0.4, 0.6, 0.75, 0.9].map(|part| vec![0.0, position.0 + part * x]).into(),
+        Law::CaughtOverflow => [0.4, 0.6, 0.75, 0.9].map(|part| vec![0.0, position.0 + part * x, 0.0]).into(),
         Law::Stribeck => [0.02, 0.06, 0.2].map(|part| vec![0.0, part * v]).into(),
         Law::Presliding => {
             let travel = if x > 0.0 { x } else { v };
@@ -258,7 +262,11 @@ pub fn fill(
             let sums = duty.is_some_and(|duty| duty.kind != ports::Kind::Signal);
             let here = |kind: &&Kind| {
                 // A command that fills a level may run over it, whatever its unit.
-                let sums = sums || kind.law == Law::Overflow && duty.is_some_and(|duty| duty.fills);
+                let overflows = matches!(kind.law, Law::Overflow | Law::CaughtOverflow);
+                let sums = sums || overflows && duty.is_some_and(|duty| duty.fills);
+                if kind.law == Law::CaughtOverflow && next_level(study, attachment).is_none() {
+                    return false;
+                }
                 if kind.law == Law::Choked && !is_pressure(&attachment_units[2]) {
                     return false;
                 }
@@ -325,7 +333,16 @@ fn wanted(attachment: &Attachment, id: &str) -> bool {
 
 /// Whether a law takes a flow out of a level.
 fn is_of_level(law: Law) -> bool {
-    matches!(law, Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked)
+    matches!(law, Law::Leakage | Law::Outlet | Law::Overflow | Law::CaughtOverflow | Law::Choked)
+}
+
+/// Attachment at which a flow into the level acts that the level at another one drains into.
+fn next_level(study: &Study, attachment: &Attachment) -> Option<usize> {
+    let level = attachment.drains_into.as_ref()?;
+    study.taps.iter().position(|tap| {
+        let own = &tap.attachment;
+        own.position.as_ref() == Some(level) && own.port.is_some_and(|duty| duty.fills && duty.forces)
+    })
 }
 
 fn blocks_at(
@@ -413,16 +430,21 @@ pub(super) fn entries(
 
 fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, starts: Vec<Vec<f64>>) {
     let smallest = |k: usize| starts.iter().map(|start| start[k]).fold(f64::INFINITY, f64::min);
-    let largest = |k: usize| starts.iter().map(|start| start[k]).fold(0.0, f64::max);
+    let widest = |k: usize| starts.iter().map(|start| start[k]).fold(0.0, f64::max);
     // Friction of the declared model may be less than declared, as long as what is left of it takes energy.
     let declared = match (kind.law, study.taps[tap].coulomb) {
         (Law::Viscous, _) => study.taps[tap].viscous,
         (Law::Coulomb, Some(Level::Value(level))) => level,
         _ => 0.0,
     };
+    let largest = match kind.law {
+        Law::Overflow | Law::CaughtOverflow => stiffness::largest_coefficient(study, tap),
+        _ => f64::INFINITY,
+    };
     let bounds = |k: usize| {
-        let shape = largest(k);
+        let shape = widest(k);
         match (kind.positive.contains(&k), shape > 0.0) {
+            (true, _) if k == 0 && largest.is_finite() => (0.0, largest),
             // Slower than this a sign changes within a step, faster than this it is no sign.
             (true, true) if matches!(kind.law, Law::Coulomb | Law::Load) => (0.2 * smallest(k), 5.0 * shape),
             (true, true) if kind.law == Law::Quantization => (0.5 * smallest(k), 2.0 * shape),
@@ -448,6 +470,9 @@ fn push(study: &mut Study, kind: &Kind, channel: &'static str, tap: usize, start
         complexity: kind.parameters.len() - 1 + 2 * memory,
         starts,
         probe: false,
+        into: (kind.law == Law::CaughtOverflow)
+            .then(|| next_level(study, &study.taps[tap].attachment))
+            .flatten(),
         needs: None,
     });
 }
@@ -495,6 +520,7 @@ fn probes(study: &mut Study, tap: usize, attachment: &Attachment, command: bool)
             starts: vec![vec![0.0; KNOTS]],
             complexity: KNOTS,
             probe: true,
+            into: None,
             needs: None,
         });
     }
@@ -554,6 +580,7 @@ fn memory(
         complexity: 1 + command.parameters(),
         starts,
         probe: false,
+        into: None,
         needs: None,
     });
 }

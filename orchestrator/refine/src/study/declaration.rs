@@ -320,6 +320,9 @@ pub struct Attachment {
     /// Ids of effects to look for; all of the channels without it. Kinds where there is no channel.
     #[serde(default)]
     pub effects: Option<Vec<String>>,
+    /// Signal: level that the level at this port drains into, where the structure of the system shows one.
+    #[serde(skip)]
+    pub drains_into: Option<String>,
     /// Part of this place in a search by the structure of the system, and the sign of its influence; none where
     /// channels are declared.
     #[serde(skip)]

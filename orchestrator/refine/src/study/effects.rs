@@ -29,6 +29,7 @@ pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     let p = &p[own.entries.clone()];
     match own.action {
         Action::Block { law: Law::Spring, .. } => vec![p[0], -p[1] / p[0]],
+        Action::Block { law: Law::CaughtOverflow, .. } => vec![p[0], p[1], p[2] / p[0]],
         Action::Block { law: Law::Cogging | Law::PeriodicCoulomb, .. } => {
             vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]]
         }
@@ -123,6 +124,7 @@ pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
         // A constant is added to a value whatever it drives.
         sign: if study.candidates[c].action == bias { -1.0 } else { tap.sign },
         level: declared + coulomb.map_or(0.0, |own| own[0]),
+        into: study.candidates[c].into.map(|tap| (study.taps[tap].name.clone(), study.taps[tap].sign)),
     })
 }
 

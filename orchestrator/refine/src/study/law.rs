@@ -151,6 +151,12 @@ pub enum Law {
     Outlet,
     /// `coef max(0, x - level)`
     Overflow,
+    /// `coef max(0, x - level)`, and `caught max(0, x - level)` of it added at another port, which [`Law::Caught`]
+    /// does
+    CaughtOverflow,
+    /// `-caught max(0, x - level)` with the parameters of [`Law::CaughtOverflow`]; x is the position at another
+    /// attachment: its index
+    Caught(usize),
     /// `coef x sqrt(1 - (max(0, outside/x - b)/(1 - b))^2)` with the critical ratio of pressures b of a gas
     Choked,
     /// `slope t`
@@ -174,6 +180,7 @@ impl Law {
             Law::Stribeck | Law::Asymmetry | Law::Spring | Law::Droop => 2,
             Law::CubicSpring | Law::Overflow | Law::Limits | Law::Choked => 2,
             Law::EndStop | Law::LowerStop | Law::Cogging | Law::PeriodicCoulomb => 3,
+            Law::CaughtOverflow | Law::Caught(_) => 3,
             Law::Shape(_) => KNOTS,
             Law::Memory(kind) => kind.parameters(),
             _ => 1,
@@ -192,6 +199,7 @@ impl Law {
             Law::Load => vec![Velocity, Value],
             Law::Spring | Law::EndStop | Law::LowerStop | Law::Cogging => vec![Position],
             Law::CubicSpring | Law::Leakage | Law::Outlet | Law::Overflow | Law::Choked => vec![Position],
+            Law::CaughtOverflow | Law::Caught(_) => vec![Position],
             Law::Drift => vec![Time],
             Law::Bias => vec![Value, Position],
             Law::Area => vec![PressureForce],
@@ -307,7 +315,8 @@ impl Law {
             Law::CubicSpring => p[0] * (x - p[1]).powi(3),
             Law::Leakage => p[0] * x,
             Law::Outlet => p[0] * x.max(0.0).sqrt(),
-            Law::Overflow => p[0] * (x - p[1]).max(0.0),
+            Law::Overflow | Law::CaughtOverflow => p[0] * (x - p[1]).max(0.0),
+            Law::Caught(_) => -p[2] * (x - p[1]).max(0.0),
             Law::Drift => p[0] * at.time,
             Law::Bias => -p[0],
             Law::Gain | Law::DeadBand | Law::Saturation | Law::Limits => 0.0,
@@ -401,6 +410,15 @@ mod tests {
         let force = |x, v| Law::LowerStop.force(&[100.0, 10.0, -0.2], &at(x, v), 0.0, 0.0, 0.0);
         assert_eq!((force(-0.1, -1.0), force(-0.3, 5.0)), (0.0, 0.0));
         assert!((force(-0.3, -0.5) + 15.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_part_of_what_runs_over_comes_in_at_the_next_level() {
+        let at = |x: f64| Point { position: x, ..Point::default() };
+        let flow = |law: Law, x: f64| law.force(&[2.0, 0.5, 1.2], &at(x), 0.0, 0.0, 0.0);
+        assert_eq!((flow(Law::CaughtOverflow, 0.4), flow(Law::Caught(0), 0.4)), (0.0, 0.0));
+        assert!((flow(Law::CaughtOverflow, 0.75) - 0.5).abs() < 1e-15);
+        assert!((flow(Law::Caught(0), 0.75) + 0.3).abs() < 1e-15);
     }
 
     #[test]

@@ -79,6 +79,7 @@ mod sparse;
 mod spiked;
 mod starts;
 pub(crate) mod steps;
+mod stiffness;
 mod taps;
 mod time_grid;
 pub mod tolerance;

@@ -103,8 +103,9 @@ fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
             against(within, format!("it would rest at {} {unit}, outside of {}", short(p[1]), positions()))
         }),
         // One above all levels does nothing, so its gain tells; the scale of a level that no sensor shows is open.
-        Law::Overflow => against(p[0] > 0.0, "it would flow in".into()).or_else(|| {
-            let within = p[1] >= low + MIN_SHARE_BELOW_LEVEL * travel;
+        Law::Overflow | Law::CaughtOverflow => against(p[0] > 0.0, "it would flow in".into()).or_else(|| {
+            let above = |(low, high): (f64, f64)| p[1] >= low + MIN_SHARE_BELOW_LEVEL * (high - low);
+            let within = above((low, high)) || above(range_of(&positions_with(study, model, tap)));
             against(within, format!("at {} {unit} it lies below {}", short(p[1]), positions()))
         }),
         Law::Coulomb | Law::Load if p.len() == 2 => against(
@@ -212,8 +213,7 @@ impl Stop {
     /// Whether it lies in its half of the travel and most positions are before it.
     fn ends(self, positions: &[f64]) -> bool {
         let beyond = |x: f64| if self.upper { x >= self.at } else { x <= self.at };
-        let low = positions.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = positions.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = range_of(positions);
         let middle = 0.5 * (low + high);
         let half = if self.upper { middle..=high } else { low..=middle };
         let behind = positions.iter().filter(|&&x| beyond(x)).count();
@@ -226,9 +226,21 @@ fn reached(study: &Study, model: &Model, tap: usize, stop: Stop) -> bool {
     if study.positions.get(tap).is_some_and(|own| stop.ends(own)) {
         return true;
     }
+    stop.ends(&positions_with(study, model, tap))
+}
+
+/// Positions at a tap with a model: where no sensor shows them, not those of the declared one.
+fn positions_with(study: &Study, model: &Model, tap: usize) -> Vec<f64> {
     let traces = Fits::new(study, vec![1.0; study.outputs.len()]).trace(&model.added, &model.fit);
     let points = traces.iter().filter_map(|(_, taps)| taps.get(tap)).flatten();
-    stop.ends(&points.map(|point| point.position).collect::<Vec<f64>>())
+    points.map(|point| point.position).collect()
+}
+
+/// Least and largest of some values.
+fn range_of(values: &[f64]) -> (f64, f64) {
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
 }
 
 /// Which friction of a fitted model would drive somewhere in the range of the records, if any, and where.

@@ -49,12 +49,16 @@ pub struct Port {
     pub position: Option<String>,
     /// -1 where a larger value makes the velocity or the level fall.
     pub sign: f64,
+    /// Signal: level that the level of a flow drains into, as the upper of two tanks into the lower.
+    pub drains_into: Option<String>,
     /// Port that acts on the same states in the same way.
     pub like: Option<String>,
     /// Nothing is connected to it.
     pub free: bool,
     /// It moves one state alone, which is not the rate of another: a pump fills a level.
     pub fills: bool,
+    /// Derivative of the rate of the state that it moves by its value; 0 where it is not known.
+    pub slope: f64,
 }
 
 /// Effects looked for at a port. Ports that act alike share them, so that nothing is looked for twice.
@@ -71,6 +75,8 @@ pub struct Duty {
     pub constants: bool,
     /// See [`Port::fills`].
     pub fills: bool,
+    /// See [`Port::slope`].
+    pub slope: f64,
     /// Whether it is a signal that one component gives another, and changes of that signal are looked for here: dead
     /// bands, gains, lags.
     pub passes: bool,
@@ -233,7 +239,20 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
         let fills = kind != Kind::Electrical
             && moved[port].len() == 1
             && moved[port].iter().all(|&state| rates[state].is_none());
-        Port { name: name.clone(), kind, unit, velocity, position, sign, like, free: free(port), fills }
+        let below = state.filter(|_| fills).and_then(|state| fed_by(&sense, state, &rates)).map(signal);
+        Port {
+            name: name.clone(),
+            kind,
+            unit,
+            velocity,
+            position,
+            sign,
+            drains_into: below,
+            like,
+            free: free(port),
+            fills,
+            slope: state.and_then(|state| sense.slopes[port].get(state)).copied().unwrap_or(0.0),
+        }
     });
     Ok(found.collect())
 }
@@ -245,6 +264,14 @@ fn influence(sense: &Sense, port: usize, state: usize) -> f64 {
     let value = own[state].abs();
     let least = if sense.exact[state] { MAX_ROUNDED_INFLUENCE } else { MAX_LATE_INFLUENCE };
     if value > least * largest { value } else { 0.0 }
+}
+
+/// State that a level feeds: of those whose rate rises with it, the one whose rate rises most. `rates`: for each state
+/// the one whose rate it is.
+fn fed_by(sense: &Sense, level: usize, rates: &[Option<usize>]) -> Option<usize> {
+    let own = sense.coupling.get(level)?;
+    let others = (0..own.len()).filter(|&state| state != level && own[state] > 0.0 && rates[state].is_none());
+    others.max_by(|&a, &b| own[a].total_cmp(&own[b]))
 }
 
 /// State whose rate is this state, wherever the system is.
@@ -358,6 +385,7 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
             forces: true,
             constants: true,
             fills: port.fills,
+            slope: port.slope,
             passes: passes(port),
         };
         port.map_or_else(|| own.clone(), |port| filled(own, port, all(port)))
@@ -376,7 +404,7 @@ fn duty(ports: &[Port], port: &Port, fed: &dyn Fn(&Port) -> bool) -> Duty {
     // What a signal that acts as a command lacks, that command lacks; a force beside it that nothing drives has none.
     let first = alike().find(|own| passes(own)).is_some_and(|own| own.name == port.name);
     let passes = first && !alike().any(fed);
-    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills, passes }
+    Duty { kind: port.kind, sign: port.sign, forces, constants, fills: port.fills, slope: port.slope, passes }
 }
 
 /// Whether a port gets a plain signal from another component, by its unit: no force, torque or flow.
@@ -391,6 +419,7 @@ fn filled(stated: &Attachment, port: &Port, duty: Duty) -> Attachment {
     Attachment {
         velocity: own.velocity.clone().or_else(|| port.velocity.clone()),
         position: own.position.clone().or_else(|| port.position.clone()),
+        drains_into: port.drains_into.clone(),
         port: Some(duty),
         ..own
     }

@@ -70,6 +70,7 @@ pub fn fill(study: &mut Study, output: usize) {
         starts: vec![vec![step]],
         complexity: 1,
         probe: false,
+        into: None,
         needs: None,
     });
 }

@@ -82,6 +82,7 @@ pub(super) fn fill(study: &mut Study) {
                 starts,
                 complexity: 1,
                 probe: false,
+                into: None,
                 needs: None,
             };
             study.candidates.push(own);

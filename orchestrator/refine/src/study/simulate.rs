@@ -97,6 +97,9 @@ impl<'a> View<'a> {
                 };
                 laws[tap].push((law, own.entries.clone(), count..count + states));
                 count += states;
+                if let Some(into) = own.into {
+                    laws[into].push((Law::Caught(tap), own.entries.clone(), count..count));
+                }
             }
         }
         laws.iter_mut().for_each(|own| own.sort_by_key(|(law, ..): &Acting| law.rank()));
@@ -255,6 +258,7 @@ impl<'a> View<'a> {
         let study = self.study;
         let record = &study.records[piece.record];
         let [inputs, middles] = self.inputs(record, p, shift);
+        let count = self.substeps_with(p, record.step);
         let past = record.past.iter().flatten().map(Vec::len).next().unwrap_or(0);
         let mut extra = record.extra.clone();
         extra.iter_mut().enumerate().for_each(|(index, values)| add(values, shift.extra.get(index)));
@@ -355,7 +359,6 @@ impl<'a> View<'a> {
             let move_to = |plant: &mut Plant, (from, to): (f64, f64), x: &mut [f64], dx: &mut Slopes| {
                 let at =
                     |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64]| at(plant, time, x, dx, blocks);
-                let count = self.substeps;
                 let edge = |i: usize| from + (to - from) * i as f64 / count as f64;
                 for i in 0..count {
                     // The slopes of a single step are there.

@@ -102,6 +102,8 @@ fn special_case(action: Action) -> (&'static str, Option<&'static str>, usize) {
         (_, Action::Block { law: Law::Saturation, .. }) => ("saturation", None),
         (_, Action::Block { law: Law::Limits, .. }) => ("limits", Some("saturation")),
         (_, Action::Block { law: Law::Leakage, .. }) => ("linear_leakage", None),
+        (_, Action::Block { law: Law::Overflow, .. }) => ("overflow", None),
+        (_, Action::Block { law: Law::CaughtOverflow, .. }) => ("caught_overflow", Some("overflow")),
         // Far above the pressure outside.
         (_, Action::Block { law: Law::Choked, .. }) => ("choked_flow", Some("linear_leakage")),
         _ => ("", None),

@@ -243,6 +243,7 @@ fn push(
         starts,
         complexity: own.parameters.len().saturating_sub(1) + 2 * own.states.len(),
         probe: false,
+        into: None,
         needs: None,
     });
 }

@@ -81,6 +81,12 @@ pub const BUILTIN: &[Builtin] = &[
     builtin("leakage", "flow", "leak through an opening at the bottom", text!("leakage")),
     builtin("overflow", "flow", "overflow above a level", text!("overflow")),
     builtin(
+        "caught_overflow",
+        "flow",
+        "overflow above a level, of which the level that this one drains into gets a part",
+        None,
+    ),
+    builtin(
         "choked_flow",
         "flow",
         "leak of a gas, choked below a ratio of pressures of 0.528 (ISO 6358)",

@@ -4,6 +4,8 @@
 //! States of equations answer at once, in their rates. A slave only shows outputs: a simulation with pushed inputs
 //! takes their place.
 
+use std::cell::Cell;
+
 use super::instance::PartInstance;
 use super::{Plant, Problem};
 
@@ -18,10 +20,17 @@ pub struct Sense {
     pub points: Vec<(Vec<f64>, Vec<f64>)>,
     /// Change of each rate with the value at each attachment, `[attachments][names]`; only its proportions count.
     pub influence: Vec<Vec<f64>>,
+    /// Derivative of the rate of each state by the value at each attachment, `[attachments][nx]`.
+    pub slopes: Vec<Vec<f64>>,
     /// Change of each measured signal at the same instant, `[attachments][measured]`.
     pub shown: Vec<Vec<f64>>,
+    /// Change of the rate of each state with each state, `[nx][nx]`: state that is moved, then rate; only signs and
+    /// proportions count.
+    pub coupling: Vec<Vec<f64>>,
 }
 
+/// Points at which states are seen.
+const ROUNDS: u8 = 3;
 /// Communication steps after a push.
 const STEPS: usize = 60;
 /// Steps after which values are compared with rates: late enough that half a step hardly counts.
@@ -56,13 +65,15 @@ impl Plant {
             exact: vec![true; nx],
             points: Vec::new(),
             influence: none(nx),
+            slopes: none(nx),
             shown: none(places.len()),
+            coupling: vec![vec![0.0; nx]; nx],
         };
-        for round in 1..=3 {
+        for round in 1..=ROUNDS {
             // Somewhere else, in no relation that a system could have by itself.
             for (i, value) in x.iter_mut().enumerate() {
                 // Levels and pressures are not below zero.
-                let odd = ((7 * i + 3 * round) as f64).sin().abs();
+                let odd = ((7 * i + 3 * usize::from(round)) as f64).sin().abs();
                 *value = start[i] + odd * if start[i] == 0.0 { 0.1 } else { 0.05 * start[i].abs() };
             }
             let mut dx = vec![0.0; nx];
@@ -71,18 +82,36 @@ impl Plant {
                 continue;
             }
             let before: Vec<f64> = places.iter().map(|&slot| self.slots[slot]).collect();
-            for (port, (influence, shown)) in found.influence.iter_mut().zip(&mut found.shown).enumerate() {
+            let ports = found.influence.iter_mut().zip(&mut found.slopes).zip(&mut found.shown);
+            for (port, ((influence, slopes), shown)) in ports.enumerate() {
                 let mut moved = vec![0.0; nx];
+                let size = Cell::new(1.0);
                 let push = |own: usize, value: f64, _: &[f64]| {
-                    value + if own == port { 0.01 * value.abs().max(1.0) } else { 0.0 }
+                    if own != port {
+                        return value;
+                    }
+                    size.set(0.01 * value.abs().max(1.0));
+                    value + size.get()
                 };
                 self.evaluate(0.0, &x, &mut moved, &push).map_err(Problem::fmu)?;
-                let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
-                influence.iter_mut().zip(changes).for_each(|(sum, change)| {
-                    *sum += if change.is_finite() { change } else { 0.0 };
-                });
+                let sums = influence.iter_mut().zip(slopes);
+                for ((influence, slope), change) in sums.zip(moved.iter().zip(&dx).map(|(a, b)| a - b)) {
+                    let change = if change.is_finite() { change } else { 0.0 };
+                    *influence += change;
+                    *slope += change / size.get() / f64::from(ROUNDS);
+                }
                 let changes = places.iter().zip(&before).map(|(&slot, before)| self.slots[slot] - before);
                 shown.iter_mut().zip(changes).for_each(|(sum, change)| {
+                    *sum += if change.is_finite() { change } else { 0.0 };
+                });
+            }
+            let mut moved = vec![0.0; nx];
+            for (state, coupling) in found.coupling.iter_mut().enumerate() {
+                let mut beside = x.clone();
+                beside[state] += 0.01 * x[state].abs();
+                self.evaluate(0.0, &beside, &mut moved, &pass).map_err(Problem::fmu)?;
+                let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
+                coupling.iter_mut().zip(changes).for_each(|(sum, change)| {
                     *sum += if change.is_finite() { change } else { 0.0 };
                 });
             }
