@@ -19,10 +19,11 @@ impl Run<'_> {
             ));
         }
         // An effect that takes most of the error by itself, with a significantly smaller sum, stands even where several
-        // corrections together could do the same.
+        // corrections together could do nearly the same.
+        let share = self.share(tried);
+        let told = share >= s.tie_share || q.same(tried.candidate).is_some();
         let dominant = tried.alone >= s.min_share_of_correction;
-        let share = tried.held_out * self.declared_error / self.whole_error;
-        if share < s.min_held_out_share && !dominant {
+        if share < s.min_held_out_share && !(dominant && told) {
             let whole =
                 if self.whole_error < self.declared_error { "spread of the records" } else { "error" };
             return Some(format!(
@@ -49,13 +50,30 @@ impl Run<'_> {
         (q.sense)(own, &tried.model)
     }
 
+    /// Share of the error on held-out records that a candidate takes away beyond the corrections.
+    fn share(&self, tried: &Tried) -> f64 {
+        tried.held_out * self.declared_error / self.whole_error
+    }
+
+    /// Whether a candidate stands for what it takes away alone while another effect takes more beside the corrections.
+    fn is_outdone(&self, own: &Tried, tried: &[Tried]) -> bool {
+        let (q, s) = (self.question, &self.question.settings);
+        let outdoes = |other: &Tried| {
+            other.error < own.error - s.tie_share * self.whole_error
+                && !other.alone.is_nan()
+                && !q.is_change(other.candidate)
+                && (q.sense)(&q.candidates[other.candidate], &other.model).is_none()
+        };
+        self.share(own) < s.min_held_out_share && tried.iter().any(outdoes)
+    }
+
     /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
     /// with fewer parameters that takes as much away without corrections. Effects come before other values of declared
     /// parameters.
     pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
         let (q, tie) = (self.question, self.question.settings.tie_share);
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
-        let sound = || tried.iter().filter(|t| t.rejected.is_none());
+        let sound = || tried.iter().filter(|t| t.rejected.is_none() && !self.is_outdone(t, tried));
         let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
         let tied = || sound().filter(|t| t.error <= least + tie * self.whole_error);
         let only_changes = tied().all(|t| q.is_change(t.candidate));

@@ -234,8 +234,8 @@ impl<'a> View<'a> {
             values[past..].iter_mut().zip(samples).for_each(|(value, own)| *value = *own);
             // Such that the integration sees the mean: this share of what the middle is off the line, by Simpson's
             // rule or by midpoints.
-            let seen =
-                2.0 / 3.0 + if self.quick { 1.0 / (3.0 * (self.substeps as f64).powi(2)) } else { 0.0 };
+            let substeps = self.substeps_with(p, record.step) as f64;
+            let seen = 2.0 / 3.0 + if self.quick { 1.0 / (3.0 * substeps.powi(2)) } else { 0.0 };
             let ends = values[past..].iter().zip(values[past + 1..].iter().chain(values.last()));
             let middle = |(mean, (from, to)): (f64, (&f64, &f64))| {
                 let line = 0.5 * (from + to);

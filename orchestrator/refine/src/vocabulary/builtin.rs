@@ -83,7 +83,7 @@ pub const BUILTIN: &[Builtin] = &[
     builtin(
         "caught_overflow",
         "flow",
-        "overflow above a level, of which the level that this one drains into gets a part",
+        "overflow above a level, coef*max(0, x - level), of which the level that it drains into gets the share caught",
         None,
     ),
     builtin(

@@ -25,10 +25,12 @@ pub struct Sense {
     /// Change of each measured signal at the same instant, `[attachments][measured]`.
     pub shown: Vec<Vec<f64>>,
     /// Change of the rate of each state with each state, `[nx][nx]`: state that is moved, then rate; only signs and
-    /// proportions count.
+    /// proportions count. Empty for more than [`MAX_COUPLED_STATES`].
     pub coupling: Vec<Vec<f64>>,
 }
 
+/// States up to which it is seen how each depends on each.
+pub const MAX_COUPLED_STATES: usize = 100;
 /// Points at which states are seen.
 const ROUNDS: u8 = 3;
 /// Communication steps after a push.
@@ -67,7 +69,7 @@ impl Plant {
             influence: none(nx),
             slopes: none(nx),
             shown: none(places.len()),
-            coupling: vec![vec![0.0; nx]; nx],
+            coupling: if nx <= MAX_COUPLED_STATES { vec![vec![0.0; nx]; nx] } else { Vec::new() },
         };
         for round in 1..=ROUNDS {
             // Somewhere else, in no relation that a system could have by itself.
@@ -109,7 +111,10 @@ impl Plant {
             for (state, coupling) in found.coupling.iter_mut().enumerate() {
                 let mut beside = x.clone();
                 beside[state] += 0.01 * x[state].abs();
-                self.evaluate(0.0, &beside, &mut moved, &pass).map_err(Problem::fmu)?;
+                // Nothing but an effect between two levels is lost without it.
+                if self.evaluate(0.0, &beside, &mut moved, &pass).is_err() {
+                    continue;
+                }
                 let changes = moved.iter().zip(&dx).map(|(a, b)| a - b);
                 coupling.iter_mut().zip(changes).for_each(|(sum, change)| {
                     *sum += if change.is_finite() { change } else { 0.0 };
