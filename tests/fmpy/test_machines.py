@@ -50,7 +50,7 @@ def test_a_part_of_what_runs_over_is_found_in_the_lower_tank_and_the_amended_sys
     selected = {effect["id"]: effect["params"] for effect in report["effects"] if effect["selected"]}
     assert selected["caught_overflow@q_1"]["caught"]["value"] == pytest.approx(truth["law"]["caught"], abs=0.02)
     left = report["residual"]["validation"]["rms_after"]["level"]
-    assert left < 0.05 and truth["floor"] == 0.03
+    assert left < 0.05  # V, with noise of 0.03 V
     words = ["run", tmp_path / "out" / "system" / "system.ssd", "--study", tmp_path / "tanks_03" / "study.toml", "-o", tmp_path / "run"]
     again = start(*words)
     found = next(line.split() for line in again.stdout.splitlines() if "validation" in line)

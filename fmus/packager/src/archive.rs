@@ -52,7 +52,7 @@ pub fn write(path: &Path, members: &[Member]) -> Result<(), Error> {
 }
 
 /// Writes the archive into anything that can be written. Libraries are stored as they are: a tool that opens the FMU
-/// copies them, which takes a tenth of the time that decompressing does.
+/// copies them instead of decompressing them.
 ///
 /// # Errors
 /// Those of the writer.

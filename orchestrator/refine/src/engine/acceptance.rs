@@ -73,9 +73,11 @@ impl Run<'_> {
     pub(super) fn accepted<'t>(&self, tried: &'t [Tried]) -> Option<&'t Tried> {
         let (q, tie) = (self.question, self.question.settings.tie_share);
         let size = |t: &Tried| q.candidates[t.candidate].free.len();
-        let sound = || tried.iter().filter(|t| t.rejected.is_none() && !self.is_outdone(t, tried));
-        let least = sound().map(|t| t.error).fold(f64::INFINITY, f64::min);
-        let tied = || sound().filter(|t| t.error <= least + tie * self.whole_error);
+        // Whether a form has sense may take a simulation: asked once.
+        let sound: Vec<&Tried> =
+            tried.iter().filter(|t| t.rejected.is_none() && !self.is_outdone(t, tried)).collect();
+        let least = sound.iter().map(|t| t.error).fold(f64::INFINITY, f64::min);
+        let tied = || sound.iter().copied().filter(|t| t.error <= least + tie * self.whole_error);
         let only_changes = tied().all(|t| q.is_change(t.candidate));
         let near = || tied().filter(|t| only_changes || !q.is_change(t.candidate));
         let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);

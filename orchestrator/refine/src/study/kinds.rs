@@ -90,18 +90,16 @@ pub(super) const ELECTRICAL: [Kind; 4] = [
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];
 
+/// Id of the one effect at two ports.
+pub(super) const CAUGHT_OVERFLOW: &str = "caught_overflow";
+
 /// Effects on a flow into a level, or on anything else that a state integrates.
 pub(super) const FLOW: [Kind; 7] = [
     kind("offset", Law::Bias, &[("value", "E")], &[]),
     kind("linear_leakage", Law::Leakage, &[("coef", "E/X")], &[0]),
     kind("leakage", Law::Outlet, &[("coef", "E/X0.5")], &[0]),
     kind("overflow", Law::Overflow, &[("coef", "E/X"), ("level", "X")], &[0]),
-    kind(
-        "caught_overflow",
-        Law::CaughtOverflow,
-        &[("coef", "E/X"), ("level", "X"), ("caught", "1")],
-        &[0, 2],
-    ),
+    kind(CAUGHT_OVERFLOW, Law::CaughtOverflow, &[("coef", "E/X"), ("level", "X"), ("caught", "1")], &[0, 2]),
     kind("choked_flow", Law::Choked, &[("coef", "E/X"), ("outside", "X")], &[0, 1]),
     kind("drift", Law::Drift, &[("slope", "E/s")], &[]),
 ];

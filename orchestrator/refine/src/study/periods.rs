@@ -6,8 +6,8 @@
 //! periods. So the residual is compared, block by block and without its parabola, with integrals of sine
 //! and cosine along the way. The best periods become starts of the candidate, which the search judges as any other.
 
-use super::catalog::STEP_OF_TURNS;
 use super::fits::{Fits, Model};
+use super::initial_guesses::STEP_OF_TURNS;
 use super::law::Law;
 use super::model::{Action, Study};
 use crate::engine::{System, parallel, stop};

@@ -1,12 +1,11 @@
 //! Steps of integration that blocks need which are faster than the system: a tank that is full to its brim stays so
 //! within no time.
 
+use super::integration::MAX_STABLE_SUBSTEPS;
 use super::law::Law;
 use super::model::{Action, Study};
 use super::simulate::View;
 
-/// Steps per sample at most for a fast block.
-const MAX_SUBSTEPS: usize = 16;
 /// Rate of a block times a step at most, well within the stability of the Runge-Kutta methods of order 2 and 4 (2.0 and
 /// 2.8).
 const MAX_RATE_TIMES_STEP: f64 = 1.0;
@@ -21,7 +20,7 @@ fn rate_of_level(study: &Study, tap: usize) -> Option<f64> {
 pub(super) fn largest_coefficient(study: &Study, tap: usize) -> f64 {
     let longest = study.records.iter().map(|record| record.step).fold(0.0, f64::max);
     match rate_of_level(study, tap) {
-        Some(rate) if longest > 0.0 => MAX_RATE_TIMES_STEP * MAX_SUBSTEPS as f64 / (rate * longest),
+        Some(rate) if longest > 0.0 => MAX_RATE_TIMES_STEP * MAX_STABLE_SUBSTEPS as f64 / (rate * longest),
         _ => f64::INFINITY,
     }
 }
@@ -36,7 +35,7 @@ impl View<'_> {
                 return 1;
             };
             let rate = rate_of_level(self.study, tap).unwrap_or(0.0) * p[own.entries.start].abs();
-            let count = (rate * step / MAX_RATE_TIMES_STEP).ceil().min(MAX_SUBSTEPS as f64);
+            let count = (rate * step / MAX_RATE_TIMES_STEP).ceil().min(MAX_STABLE_SUBSTEPS as f64);
             (count as usize).max(1).next_power_of_two()
         };
         self.active.iter().map(needed).fold(self.substeps, usize::max)

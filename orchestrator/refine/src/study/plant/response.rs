@@ -20,7 +20,8 @@ pub struct Sense {
     pub points: Vec<(Vec<f64>, Vec<f64>)>,
     /// Change of each rate with the value at each attachment, `[attachments][names]`; only its proportions count.
     pub influence: Vec<Vec<f64>>,
-    /// Derivative of the rate of each state by the value at each attachment, `[attachments][nx]`.
+    /// Derivative of the rate of each state by the value at each attachment, the largest of the points,
+    /// `[attachments][nx]`.
     pub slopes: Vec<Vec<f64>>,
     /// Change of each measured signal at the same instant, `[attachments][measured]`.
     pub shown: Vec<Vec<f64>>,
@@ -31,8 +32,6 @@ pub struct Sense {
 
 /// States up to which it is seen how each depends on each.
 pub const MAX_COUPLED_STATES: usize = 100;
-/// Points at which states are seen.
-const ROUNDS: u8 = 3;
 /// Communication steps after a push.
 const STEPS: usize = 60;
 /// Steps after which values are compared with rates: late enough that half a step hardly counts.
@@ -71,11 +70,11 @@ impl Plant {
             shown: none(places.len()),
             coupling: if nx <= MAX_COUPLED_STATES { vec![vec![0.0; nx]; nx] } else { Vec::new() },
         };
-        for round in 1..=ROUNDS {
+        for round in 1..=3 {
             // Somewhere else, in no relation that a system could have by itself.
             for (i, value) in x.iter_mut().enumerate() {
                 // Levels and pressures are not below zero.
-                let odd = ((7 * i + 3 * usize::from(round)) as f64).sin().abs();
+                let odd = ((7 * i + 3 * round) as f64).sin().abs();
                 *value = start[i] + odd * if start[i] == 0.0 { 0.1 } else { 0.05 * start[i].abs() };
             }
             let mut dx = vec![0.0; nx];
@@ -100,7 +99,8 @@ impl Plant {
                 for ((influence, slope), change) in sums.zip(moved.iter().zip(&dx).map(|(a, b)| a - b)) {
                     let change = if change.is_finite() { change } else { 0.0 };
                     *influence += change;
-                    *slope += change / size.get() / f64::from(ROUNDS);
+                    let own = change / size.get();
+                    *slope = if own.abs() > slope.abs() { own } else { *slope };
                 }
                 let changes = places.iter().zip(&before).map(|(&slot, before)| self.slots[slot] - before);
                 shown.iter_mut().zip(changes).for_each(|(sum, change)| {
