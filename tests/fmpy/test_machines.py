@@ -57,6 +57,16 @@ def test_a_part_of_what_runs_over_is_found_in_the_lower_tank_and_the_amended_sys
     assert float(found[found.index("level") + 1]) == pytest.approx(left, rel=1e-3), again.stdout + again.stderr
 
 
+def test_an_overflow_into_a_level_that_no_attachment_feeds_is_told_to_be_not_testable(tmp_path):
+    words = [tmp_path, "--only", "^tanks_02_none$"]
+    subprocess.run([sys.executable, LAWS / "make_machines.py", *words], check=True)
+    study = tmp_path / "tanks_02_none" / "study.toml"
+    study.write_text(study.read_text() + '\n[[attachment]]\ninput = "q_1"\neffects = ["caught_overflow"]\n')
+    start("refine", study, "-o", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "report.json").read_text())["not_testable"]
+    assert "no attachment" in found["caught_overflow"]
+
+
 def test_tanks_that_lack_nothing_get_no_law(tmp_path):
     _, report = refined("tanks_00_none", tmp_path)
     assert report["verdict"] == "none"
