@@ -12,12 +12,10 @@ use airloop::Error;
 use airloop_cosim::system::SystemGraph;
 use airloop_fmi::check::Severity;
 use airloop_fmi::{Fmu, template_folder};
-use airloop_system::{Master, Recipe};
+use airloop_system::{Master, Recipe, TEMPLATE};
 
 /// Time that the components may take in the check before its process is ended.
 const CHECK_LIMIT: Duration = Duration::from_secs(60);
-/// Name of the archive with the library that runs a system.
-pub const TEMPLATE: &str = "template/airloop-system";
 
 /// `airloop export-fmu`
 #[derive(Debug, clap::Args)]

@@ -11,7 +11,6 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use super::export_fmu::TEMPLATE;
 use super::table::table;
 use super::{folder, output};
 use airloop::Error;
@@ -31,7 +30,7 @@ use airloop_report::plot::plan::TRAJECTORY;
 use airloop_report::plot::run::short;
 use airloop_report::plot::stabilize::{CLOSED_LOOP, GAINS};
 use airloop_series::{Interpolation, TimeSeries, csv};
-use airloop_system::Recipe;
+use airloop_system::{Recipe, TEMPLATE};
 
 /// The FMU of the controller.
 const CONTROLLER: &str = "controller.fmu";

@@ -73,7 +73,7 @@ fn velocity_and_position_of_each_joint_are_found_in_the_equations() {
     let folder = tempfile::tempdir().unwrap();
     let file = File::read(&study(folder.path(), [0.0; 2], "")).unwrap();
     let graph = airloop_refine::study::open::system(&file).unwrap();
-    let found = ports::find(&graph, &[]).unwrap();
+    let found = ports::find(&graph, &[], &[]).unwrap();
     let told: Vec<_> = found
         .iter()
         .map(|port| (port.name.as_str(), port.velocity.as_deref(), port.position.as_deref(), port.sign))

@@ -64,8 +64,8 @@ pub struct Effect {
     pub id: String,
     /// Channel; empty where none is declared.
     pub channel: String,
-    /// Input of the system or of a component where it acts, or the output that a sensor shows; none: that of the
-    /// channel.
+    /// Input of the system or of a component, or rate of a state, where it acts, or the output that a sensor shows;
+    /// none: that of the channel.
     pub port: Option<String>,
     /// How its block is connected at the port; none: as the channel says.
     pub wiring: Option<Wiring>,

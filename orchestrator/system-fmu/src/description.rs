@@ -16,9 +16,10 @@ pub(crate) const IDENTIFIER: &str = "airloop_system";
 pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let controls = recipe.nmpc.is_some();
-    let about = match controls {
-        true => format!("Model predictive controller with a model of {} FMUs", graph.components.len()),
-        false => format!("System of {} FMUs", graph.components.len()),
+    let about = match (controls, graph.components.first().filter(|_| recipe.integrates())) {
+        (true, _) => format!("Model predictive controller with a model of {} FMUs", graph.components.len()),
+        (false, Some(own)) => format!("{} With inputs at rates of states", own.fmu.description.description),
+        (false, None) => format!("System of {} FMUs", graph.components.len()),
     };
     let root = [
         ("fmiVersion", "2.0".to_owned()),
@@ -41,10 +42,11 @@ pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> Strin
         ];
         element(&mut xml, 1, "ModelExchange", &flags, "/>");
     }
-    if has(graph, InterfaceKind::CoSimulation) || controls {
+    let steps = controls || recipe.integrates();
+    if has(graph, InterfaceKind::CoSimulation) || steps {
         let flags = [
             ("modelIdentifier", IDENTIFIER.to_owned()),
-            ("canHandleVariableCommunicationStepSize", (controls || accepts_any_step(graph)).to_string()),
+            ("canHandleVariableCommunicationStepSize", (steps || accepts_any_step(graph)).to_string()),
             ("canNotUseMemoryManagementFunctions", "true".into()),
             ("canGetAndSetFMUstate", states.to_string()),
             ("canSerializeFMUstate", states.to_string()),
@@ -146,8 +148,9 @@ fn units(xml: &mut String, graph: &SystemGraph, table: &Table) {
 fn scalar_variable(xml: &mut String, table: &Table, reference: usize, variable: &Variable) {
     let causality = match variable.role {
         Role::Parameter => "parameter",
-        Role::Input => "input",
+        Role::Input | Role::Added(_) => "input",
         Role::Output => "output",
+        Role::State(_) | Role::Derivative(_) if variable.shown => "output",
         Role::Local | Role::State(_) | Role::Derivative(_) => "local",
     };
     let variability = match variable.variability {
@@ -157,7 +160,7 @@ fn scalar_variable(xml: &mut String, table: &Table, reference: usize, variable: 
         _ => "discrete",
     };
     let initial = match (variable.role, &variable.start) {
-        (Role::Input, _) => None,
+        (Role::Input | Role::Added(_), _) => None,
         (_, Some(_)) => Some("exact"),
         (_, None) => Some("calculated"),
     };
@@ -196,9 +199,12 @@ fn scalar_variable(xml: &mut String, table: &Table, reference: usize, variable: 
 
 fn structure(xml: &mut String, graph: &SystemGraph, table: &Table) {
     let outputs: Vec<usize> = (0..table.variables.len())
-        .filter(|&position| table.variables[position].role == Role::Output)
+        .filter(|&position| table.variables[position].role == Role::Output || table.variables[position].shown)
         .collect();
     list(xml, "Outputs", &outputs, |position| {
+        if table.variables[position].shown {
+            return matches!(table.variables[position].role, Role::State(_)).then(|| vec![position]);
+        }
         let Place::Output(output) = table.variables[position].place else { return None };
         Some(dependencies(graph, table, graph.outputs[output].source))
     });

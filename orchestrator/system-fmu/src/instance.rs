@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use airloop_cosim::master::embedded::{Place, Reader, Slaves, Value};
-use airloop_cosim::master::monolithic::{EventReport, Models};
+use airloop_cosim::master::monolithic::{EventReport, Integrated, Models};
 use airloop_cosim::master::{Grid, Progress};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{DataType, Start, StartValue};
@@ -31,6 +31,18 @@ pub(crate) type Refused = String;
 enum Runner {
     Slaves(Box<Slaves>),
     Models(Box<Models>),
+    Integrated(Box<Integrated>),
+}
+
+impl Runner {
+    /// The instances of Model Exchange.
+    fn models(&mut self) -> Option<&mut Models> {
+        match self {
+            Runner::Slaves(_) => None,
+            Runner::Models(models) => Some(models),
+            Runner::Integrated(own) => Some(own.models()),
+        }
+    }
 }
 
 /// Outcome of a communication step.
@@ -52,6 +64,8 @@ pub(crate) struct Instance {
     archived: Vec<Vec<StartValue>>,
     /// Numbers given for system inputs.
     inputs: Vec<Option<f64>>,
+    /// Addition to the rate of each state.
+    added: Vec<f64>,
     /// Texts given for system inputs, by value reference.
     texts: HashMap<u32, String>,
     start: f64,
@@ -100,8 +114,8 @@ impl Instance {
             Interface::ModelExchange if recipe.nmpc.is_some() => {
                 return Err("a controller has no Model Exchange".into());
             }
-            Interface::CoSimulation => InterfaceKind::CoSimulation,
-            Interface::ModelExchange => InterfaceKind::ModelExchange,
+            Interface::CoSimulation if !recipe.integrates() => InterfaceKind::CoSimulation,
+            Interface::CoSimulation | Interface::ModelExchange => InterfaceKind::ModelExchange,
         };
         let graph = opened(&resources.join(SYSTEM).join(STRUCTURE), guid, kind)?;
         let table = Table::with(&graph, &recipe);
@@ -112,6 +126,7 @@ impl Instance {
             interface,
             mode: Mode::Instantiated,
             inputs: vec![None; graph.inputs.len()],
+            added: vec![0.0; table.states.len()],
             texts: HashMap::new(),
             graph,
             recipe,
@@ -148,6 +163,7 @@ impl Instance {
             component.start_values.clone_from(starts);
         }
         self.inputs.fill(None);
+        self.added.fill(0.0);
         self.texts.clear();
         (self.start, self.stop, self.tolerance) = (0.0, None, None);
         (self.origin, self.count, self.time, self.terminated) = (0.0, 0, 0.0, false);
@@ -165,6 +181,10 @@ impl Instance {
             let inputs: Vec<(usize, f64)> = given.collect();
             let text = |error: airloop_cosim::master::Error| error.to_string();
             self.runner = Some(match self.interface {
+                Interface::CoSimulation if self.recipe.integrates() => {
+                    let own = Integrated::new(&self.graph, &settings, &inputs).map_err(text)?;
+                    Runner::Integrated(Box::new(own))
+                }
                 Interface::CoSimulation => {
                     let slaves = Slaves::new(&self.graph, &settings, &inputs).map_err(text)?;
                     if self.readers.is_empty() {
@@ -179,6 +199,10 @@ impl Instance {
                     Runner::Models(Box::new(Models::new(&self.graph, &settings, &inputs).map_err(text)?))
                 }
             });
+            if let Some(models) = self.runner.as_mut().and_then(Runner::models) {
+                let added = self.added.iter().enumerate().filter(|(_, value)| **value != 0.0);
+                added.for_each(|(state, value)| models.add_to_rate(state, *value));
+            }
         }
         self.runner.as_mut().ok_or_else(|| "the components are not initialized".to_owned())
     }
@@ -210,14 +234,22 @@ impl Instance {
             return slaves.read_by(reader).map_err(|error| error.to_string());
         }
         let place = self.place(reference, data_type)?;
+        let role = self.table.get(reference).map(|variable| variable.role);
+        if let Some(Role::Added(state)) = role {
+            return Ok(Value::Real(self.added[state]));
+        }
         self.running()?;
         let graph = &self.graph;
         let value = match self.runner.as_mut() {
             Some(Runner::Slaves(slaves)) => slaves.read(graph, place),
             Some(Runner::Models(models)) => models.read(graph, place),
+            Some(Runner::Integrated(own)) => own.models().read(graph, place),
             None => return Err("the components are not initialized".into()),
         };
-        value.map_err(|error| error.to_string())
+        match (value.map_err(|error| error.to_string())?, role) {
+            (Value::Real(rate), Some(Role::Derivative(state))) => Ok(Value::Real(rate + self.added[state])),
+            (value, _) => Ok(value),
+        }
     }
 
     fn place(&self, reference: u32, data_type: DataType) -> Result<Place, Refused> {
@@ -255,12 +287,22 @@ impl Instance {
         if let Some(controller) = &mut self.predictive {
             return controller.set(reference as usize, number.unwrap_or_default(), before);
         }
+        if let (Some(Role::Added(state)), Some(number)) =
+            (self.table.get(reference).map(|own| own.role), number)
+        {
+            self.added[state] = number;
+            if let Some(models) = self.runner.as_mut().and_then(Runner::models) {
+                models.add_to_rate(state, number);
+            }
+            return Ok(());
+        }
         match (place, number) {
             (Place::Input(input), Some(number)) => {
                 self.inputs[input] = Some(number);
                 match self.runner.as_mut().filter(|_| !before) {
                     Some(Runner::Slaves(slaves)) => slaves.set_input(input, number),
                     Some(Runner::Models(models)) => models.set_input(input, number),
+                    Some(Runner::Integrated(own)) => own.set_input(input, number),
                     None => self.runner = None,
                 }
                 return Ok(());
@@ -337,6 +379,10 @@ impl Instance {
             self.time = end;
             return Ok(Step::Done);
         }
+        if let Some(Runner::Integrated(own)) = &mut self.runner {
+            let progress = own.step(&self.graph, t, h).map_err(|error| error.to_string())?;
+            return Ok(self.stepped(progress, end));
+        }
         let ratio = h / step;
         let is_multiple = (ratio - ratio.round()).abs() <= ROUNDING && ratio > 0.5;
         let whole = if is_multiple { ratio.round() } else { ratio.floor() };
@@ -380,12 +426,21 @@ impl Instance {
         let Some(Runner::Slaves(slaves)) = &mut self.runner else {
             return Err("this is no Co-Simulation".into());
         };
-        match slaves.step(t, h).map_err(|error| error.to_string())? {
-            Progress::Stepped => Ok(Step::Done),
+        let progress = slaves.step(t, h).map_err(|error| error.to_string())?;
+        Ok(self.stepped(progress, t))
+    }
+
+    /// Moves to `time` \[s\] after a step, or to where it ended.
+    fn stepped(&mut self, progress: Progress, time: f64) -> Step {
+        match progress {
+            Progress::Stepped => {
+                self.time = time;
+                Step::Done
+            }
             Progress::Terminated { last_successful_time, .. } => {
-                self.time = last_successful_time.unwrap_or(t);
+                self.time = last_successful_time.unwrap_or(time);
                 self.terminated = true;
-                Ok(Step::Ended)
+                Step::Ended
             }
         }
     }
@@ -418,10 +473,12 @@ impl Instance {
     ) -> Result<Vec<f64>, Refused> {
         let mut inputs = vec![0.0; self.graph.inputs.len()];
         let mut states = vec![0.0; self.table.states.len()];
+        let mut added = states.clone();
         for (&known, &seed) in knowns.iter().zip(seed) {
             match self.table.get(known).map(|variable| (variable.role, variable.place)) {
                 Some((Role::Input, Place::Input(input))) => inputs[input] += seed,
                 Some((Role::State(state), _)) => states[state] += seed,
+                Some((Role::Added(state), _)) => added[state] += seed,
                 _ => {
                     return Err(format!(
                         "the variable with the value reference {known} is neither input nor state"
@@ -435,7 +492,7 @@ impl Instance {
         unknowns
             .iter()
             .map(|&unknown| match table.get(unknown).map(|variable| (variable.role, variable.place)) {
-                Some((Role::Derivative(state), _)) => Ok(tangent.rates[state]),
+                Some((Role::Derivative(state), _)) => Ok(tangent.rates[state] + added[state]),
                 Some((Role::State(state), _)) => Ok(states[state]),
                 Some((_, place)) => tangent
                     .of(graph, place, &inputs)
@@ -455,6 +512,7 @@ impl Instance {
             None => None,
             Some(Runner::Slaves(slaves)) => Some(slaves.save().map_err(|error| error.to_string())?),
             Some(Runner::Models(models)) => Some(models.save().map_err(|error| error.to_string())?),
+            Some(Runner::Integrated(own)) => Some(own.models().save().map_err(|error| error.to_string())?),
         };
         let of = |component: &airloop_cosim::system::graph::Component| {
             component.start_values.iter().map(Number::of).collect()
@@ -467,6 +525,7 @@ impl Instance {
             count: self.count,
             terminated: self.terminated,
             inputs: self.inputs.iter().map(|value| value.map(f64::to_bits)).collect(),
+            added: self.added.iter().map(|value| value.to_bits()).collect(),
             starts: self.graph.components.iter().map(of).collect(),
             runner,
         })
@@ -497,6 +556,8 @@ impl Instance {
         (self.stop, self.tolerance) = (saved.stop.map(f64::from_bits), saved.tolerance.map(f64::from_bits));
         (self.count, self.terminated, self.mode) = (saved.count, saved.terminated, mode);
         self.inputs = saved.inputs.iter().map(|value| value.map(f64::from_bits)).collect();
+        let added = self.added.iter_mut().zip(&saved.added);
+        added.for_each(|(own, bits)| *own = f64::from_bits(*bits));
         let Some(bytes) = &saved.runner else {
             self.runner = None;
             return Ok(());
@@ -508,7 +569,12 @@ impl Instance {
         let restored = match self.running()? {
             Runner::Slaves(slaves) => slaves.restore(bytes),
             Runner::Models(models) => models.restore(bytes),
+            Runner::Integrated(own) => own.restore(bytes),
         };
+        let added = self.added.clone();
+        if let Some(models) = self.runner.as_mut().and_then(Runner::models) {
+            added.iter().enumerate().for_each(|(state, value)| models.add_to_rate(state, *value));
+        }
         if restored.map_err(|error| error.to_string())? { Ok(()) } else { Err(foreign()) }
     }
 }

@@ -60,6 +60,7 @@ pub(crate) fn table(recipe: &Nmpc) -> Table {
         min: None,
         max: None,
         nominal: None,
+        shown: false,
     };
     let zero = || Some(Value::Real(0.0));
     let mut variables = Vec::new();

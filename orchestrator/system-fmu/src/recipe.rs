@@ -40,6 +40,15 @@ pub struct Recipe {
     /// The FMU is a controller that predicts with the system; none: it is the system.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nmpc: Option<Nmpc>,
+    /// The FMU is the only component under its own names, with an input [`added_to`] each of these rates of its states;
+    /// none: it is the system.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rates: Vec<String>,
+}
+
+/// Name of the input that adds to a rate.
+pub fn added_to(rate: &str) -> String {
+    format!("added_to_{rate}")
 }
 
 /// A controller that predicts with the system inside.
@@ -78,7 +87,20 @@ impl Recipe {
             step,
             guid: String::new(),
             nmpc: None,
+            rates: Vec::new(),
         }
+    }
+
+    /// The only component of a system with an input for each of these rates of its states, `der(h)` as its FMU names
+    /// them. Model Exchange, and Co-Simulation under error control.
+    pub fn with_rates(graph: &SystemGraph, rates: Vec<String>) -> Recipe {
+        let name = graph.components.first().map(|own| own.fmu.description.model_name.clone());
+        Recipe { name: name.unwrap_or_default(), rates, ..Recipe::new(graph) }
+    }
+
+    /// Whether the components are stepped by an integrator in here, also in Co-Simulation.
+    pub(crate) fn integrates(&self) -> bool {
+        !self.rates.is_empty()
     }
 
     /// Reads the recipe of an FMU.

@@ -14,6 +14,9 @@ pub(crate) struct Saved {
     pub count: u64,
     pub terminated: bool,
     pub inputs: Vec<Option<u64>>,
+    /// Additions to rates.
+    #[serde(default)]
+    pub added: Vec<u64>,
     pub starts: Vec<Vec<(usize, Number)>>,
     /// State of the runner, if there was one.
     pub runner: Option<Vec<u8>>,

@@ -3,7 +3,7 @@
 //! Connectors of the system by their own names, then for each component as `component.variable`: parameters, outputs,
 //! and the continuous states with their derivatives. Both the archive and the library derive the table from the system.
 
-use crate::recipe::Recipe;
+use crate::recipe::{Recipe, added_to};
 use airloop_cosim::master::embedded::{Place, Value};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Conversion, DataType, Source, Start};
@@ -20,6 +20,8 @@ pub(crate) enum Role {
     State(usize),
     /// Derivative of the state of this number.
     Derivative(usize),
+    /// Input that adds to the rate of the state of this number.
+    Added(usize),
 }
 
 /// A variable.
@@ -37,6 +39,8 @@ pub(crate) struct Variable {
     pub min: Option<String>,
     pub max: Option<String>,
     pub nominal: Option<f64>,
+    /// A state or a derivative that is an output.
+    pub shown: bool,
 }
 
 /// All variables.
@@ -53,7 +57,66 @@ pub(crate) struct Table {
 impl Table {
     /// Of what the FMU is.
     pub fn with(graph: &SystemGraph, recipe: &Recipe) -> Table {
-        recipe.nmpc.as_ref().map_or_else(|| Table::of(graph), crate::predictive::table)
+        match &recipe.nmpc {
+            Some(nmpc) => crate::predictive::table(nmpc),
+            None if recipe.rates.is_empty() => Table::of(graph),
+            None => Table::with_rates(graph, &recipe.rates),
+        }
+    }
+
+    /// Of the only component, with its own names and all that it shows, and with inputs that add to `rates`.
+    fn with_rates(graph: &SystemGraph, rates: &[String]) -> Table {
+        let mut table = Table::default();
+        let inputs = (0..graph.inputs.len()).map(|index| input(graph, index));
+        table.variables.extend(inputs);
+        let Some(owner) = graph.components.first() else { return table };
+        let description = &owner.fmu.description;
+        let plain = |variable: usize, role: Role| {
+            let name = description.variables[variable].name.clone();
+            Variable { name, ..inner(graph, 0, variable, role) }
+        };
+        let states: Vec<usize> = description.continuous_states().collect();
+        let derivatives: Vec<usize> = description.derivatives.iter().map(|own| own.variable).collect();
+        for (variable, own) in description.variables.iter().enumerate() {
+            let role = match own.causality {
+                _ if states.contains(&variable) || derivatives.contains(&variable) => continue,
+                Causality::Parameter => Role::Parameter,
+                Causality::Output => Role::Output,
+                Causality::Local => Role::Local,
+                _ => continue,
+            };
+            let mut variable = plain(variable, role);
+            if let Some(index) = graph.outputs.iter().position(|output| output.source == source(&variable)) {
+                variable.place = Place::Output(index);
+            }
+            table.variables.push(variable);
+        }
+        let shown = |variable: usize| description.variables[variable].causality == Causality::Output;
+        for (number, (&state, &rate)) in states.iter().zip(&derivatives).enumerate() {
+            table.states.push(table.variables.len());
+            table.variables.push(Variable { shown: shown(state), ..plain(state, Role::State(number)) });
+            table.derivatives.push(table.variables.len());
+            // A velocity that is a state may be the derivative of a position as well.
+            let is_state = states.contains(&rate);
+            let mut rate =
+                Variable { shown: !is_state && shown(rate), ..plain(rate, Role::Derivative(number)) };
+            if is_state {
+                rate.name = format!("der({})", description.variables[state].name);
+            }
+            let added = rates.contains(&rate.name).then(|| Variable {
+                name: added_to(&rate.name),
+                description: format!("added to {}", rate.name),
+                role: Role::Added(number),
+                variability: Variability::Continuous,
+                start: Some(Value::Real(0.0)),
+                shown: false,
+                ..rate.clone()
+            });
+            table.variables.push(Variable { start: None, ..rate });
+            table.variables.extend(added);
+        }
+        table.indicators = description.number_of_event_indicators;
+        table
     }
 
     pub fn of(graph: &SystemGraph) -> Table {
@@ -126,6 +189,14 @@ impl Table {
     }
 }
 
+/// The value of a component's variable.
+fn source(variable: &Variable) -> Source {
+    match variable.place {
+        Place::Variable { component, variable } => Source::Output { component, variable },
+        Place::Input(index) | Place::Output(index) => Source::Input(index),
+    }
+}
+
 /// Whether all components can be integrated from outside.
 pub(crate) fn has_model_exchange(graph: &SystemGraph) -> bool {
     has(graph, InterfaceKind::ModelExchange)
@@ -162,6 +233,7 @@ fn input(graph: &SystemGraph, index: usize) -> Variable {
         min: None,
         max: None,
         nominal: None,
+        shown: false,
     }
 }
 
@@ -233,6 +305,7 @@ fn inner(graph: &SystemGraph, component: usize, variable: usize, role: Role) -> 
         min,
         max,
         nominal,
+        shown: false,
     }
 }
 

@@ -12,6 +12,7 @@ pub mod blocks;
 pub mod network;
 pub mod own;
 pub mod port;
+mod rates;
 pub mod rig;
 pub mod study;
 
@@ -44,6 +45,14 @@ pub enum Error {
     /// The system does not hold together.
     #[error(transparent)]
     System(#[from] airloop_cosim::system::Error),
+    /// An FMU cannot get inputs at rates of its states.
+    #[error("component `{component}` gets no inputs at the rates of its states: {source}")]
+    Rates {
+        /// Component.
+        component: String,
+        /// Reason.
+        source: airloop_system::Error,
+    },
     /// The system of a study cannot be read.
     #[error(transparent)]
     Study(#[from] Box<crate::Error>),
@@ -91,6 +100,7 @@ pub fn write(network: &Network, folder: &Path, templates: Option<&Path>) -> Resu
         };
         derive::derive(&template, &work.path().join(format!("{}.fmu", part.name)), &derivation)?;
     }
+    rates::add_inputs(&mut structure, &network.rates, (work.path(), templates))?;
     expose(&structure)?;
     let graph = SystemGraph::from_structure(structure, None)?;
     for name in ["system.ssd", "system.ssp"] {

@@ -56,6 +56,8 @@ pub struct Network {
     /// FMUs of this project that get the values that the system gives their parameters, so that tools that read no
     /// parameter binding have them as well.
     pub baked: Vec<Baked>,
+    /// Rates of states that blocks add to, for which an FMU gets an input: component, and variable.
+    pub rates: Vec<(String, String)>,
     /// Unpacked archive that holds them.
     pub package: Option<Arc<TempDir>>,
     /// Connectors of the system whose columns in the records have another name: connector, column.
@@ -85,6 +87,7 @@ impl Network {
             parts: Vec::new(),
             copies: Vec::new(),
             baked: Vec::new(),
+            rates: Vec::new(),
             package: None,
             columns: Vec::new(),
         }

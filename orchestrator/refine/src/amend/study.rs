@@ -8,7 +8,7 @@ use super::network::{Baked, Block, Network, end};
 use super::{own, port};
 use crate::answer::{Answer, Effect, Parameter, Wiring};
 use crate::study::declaration::{Attachment, File, Signal};
-use crate::study::open;
+use crate::study::{names, open};
 use crate::vocabulary::builtin::Builtin;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, Source, Start, StartValue, SystemOutput};
@@ -47,6 +47,7 @@ pub fn network(file: &File, answer: &Answer, work: &Path) -> Result<Network, Err
         parts: Vec::new(),
         copies: Vec::new(),
         baked: Vec::new(),
+        rates: Vec::new(),
         package: graph.package.clone(),
         columns: columns(file, &graph),
     };
@@ -323,13 +324,32 @@ fn plain(name: &str) -> String {
 }
 
 /// Inputs of components that an attachment names: one of them, or those that an input of the system feeds.
-fn targets(network: &Network, graph: &SystemGraph, name: &str) -> Vec<Endpoint> {
+fn targets(network: &mut Network, graph: &SystemGraph, name: &str) -> Vec<Endpoint> {
     if graph.inputs.iter().any(|input| input.name == name) {
+        let network = &*network;
         let fed =
             network.structure.connections.iter().filter(|c| first_source(network, &c.start) == end("", name));
         return fed.filter(|c| !is_block(network, &c.end)).map(|c| c.end.clone()).collect();
     }
-    component(graph, name).into_iter().collect()
+    component(graph, name).map(|place| input_of(network, graph, place)).into_iter().collect()
+}
+
+/// The input that a block feeds at a variable: itself, or the one that its FMU gets where it is the rate of a state.
+fn input_of(network: &mut Network, graph: &SystemGraph, place: Endpoint) -> Endpoint {
+    let owner = graph.components.iter().find(|own| Some(&own.name) == place.element.as_ref());
+    let is_rate = owner.is_some_and(|own| {
+        let variable = own.fmu.description.index_of(&place.connector);
+        variable.is_some_and(|variable| names::state_of_rate(own, variable).is_some())
+    });
+    if !is_rate {
+        return place;
+    }
+    let name = place.element.unwrap_or_default();
+    let own = (name.clone(), place.connector.clone());
+    if !network.rates.contains(&own) {
+        network.rates.push(own);
+    }
+    end(&name, &airloop_system::added_to(&place.connector))
 }
 
 fn is_block(network: &Network, place: &Endpoint) -> bool {

@@ -281,11 +281,12 @@ pub struct FreeParameter {
     pub start: Option<f64>,
 }
 
-/// A place where effects may act: an input of the system or of a component.
+/// A place where effects may act: an input of the system or of a component, or the rate of a state.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Attachment {
-    /// Input whose value a block changes: `value - f(v, x, p)` for forces, `f(value)` for commands.
+    /// Input whose value a block changes: `value - f(v, x, p)` for forces, `f(value)` for commands; or the rate of a
+    /// state, such as `der(h)`, to which it adds.
     pub input: String,
     /// Channels of the vocabulary that may be missing here; without any, all that such a port can lack.
     #[serde(default)]

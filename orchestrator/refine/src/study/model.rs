@@ -69,7 +69,7 @@ pub struct Entry {
 /// Where blocks act.
 #[derive(Debug, Clone)]
 pub struct Tap {
-    /// Input of the system or of a component.
+    /// Input of the system or of a component, or rate of a state.
     pub name: String,
     /// Slots of velocity, position, pressure force and pressure.
     pub signals: [Option<usize>; 4],

@@ -1,8 +1,8 @@
 //! Names of signals of a system, as studies and messages write them.
 
 use airloop_cosim::system::SystemGraph;
-use airloop_cosim::system::graph::Source;
-use airloop_fmi::Causality;
+use airloop_cosim::system::graph::{Component, Source};
+use airloop_fmi::{Causality, InterfaceKind, VariableKind};
 
 /// `component.variable` of a name that may leave out the component in a system of one FMU.
 pub(super) fn path(graph: &SystemGraph, name: &str) -> Option<(usize, usize)> {
@@ -45,17 +45,45 @@ pub fn unit_of(graph: &SystemGraph, name: &str) -> Option<String> {
         return output.unit.clone();
     }
     let (component, variable) = path(graph, name)?;
-    let variable = &graph.components[component].fmu.description.variables[variable];
-    airloop_cosim::system::graph::unit_of(variable).map(str::to_owned)
+    let component = &graph.components[component];
+    let unit = |variable: usize| {
+        airloop_cosim::system::graph::unit_of(&component.fmu.description.variables[variable])
+    };
+    let of_rate = || state_of_rate(component, variable).and_then(unit).map(per_second);
+    unit(variable).map(str::to_owned).or_else(of_rate)
 }
 
-/// Where an attachment acts: the input `name`, in words of the graph.
+/// The unit of a rate, from that of its state.
+fn per_second(unit: &str) -> String {
+    match unit.strip_suffix("/s") {
+        Some(own) => format!("{own}/s2"),
+        None => format!("{unit}/s"),
+    }
+}
+
+/// The state of which a variable of a component is the rate; none for any other variable, for a velocity that is a
+/// state itself, and for a component that steps by itself.
+pub(crate) fn state_of_rate(component: &Component, variable: usize) -> Option<usize> {
+    let description = &component.fmu.description;
+    component.fmu.interface(InterfaceKind::ModelExchange)?;
+    description.derivatives.iter().find(|own| own.variable == variable)?;
+    if description.continuous_states().any(|state| state == variable) {
+        return None;
+    }
+    match &description.variables[variable].kind {
+        VariableKind::Real(real) => real.derivative,
+        _ => None,
+    }
+}
+
+/// Where an attachment acts, in words of the graph: the input `name`, or the rate of a state, to which a block adds.
 pub(super) fn attachment_target(graph: &SystemGraph, name: &str) -> Option<Vec<(usize, usize)>> {
     if let Some(input) = graph.inputs.iter().position(|input| input.name == name) {
         let fed = graph.connections.iter().filter(|c| c.source == Source::Input(input));
         return Some(fed.map(|c| (c.component, c.variable)).collect());
     }
     let (component, variable) = path(graph, name)?;
-    let input = graph.components[component].fmu.description.variables[variable].causality == Causality::Input;
-    input.then(|| vec![(component, variable)])
+    let own = &graph.components[component];
+    let is_input = own.fmu.description.variables[variable].causality == Causality::Input;
+    (is_input || state_of_rate(own, variable).is_some()).then(|| vec![(component, variable)])
 }

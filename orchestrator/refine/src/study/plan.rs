@@ -18,7 +18,7 @@ pub struct Plan {
 /// One place.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Place {
-    /// Input of the system or of a component.
+    /// Input of the system or of a component, or rate of a state.
     pub port: String,
     /// Units of the value, of velocity and position.
     pub units: [String; 3],

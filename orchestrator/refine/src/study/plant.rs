@@ -47,6 +47,8 @@ struct Part {
     feeds: Vec<Feed>,
     feed_references: Vec<u32>,
     feed_values: Vec<f64>,
+    /// Rates to which blocks add: place among all states, and attachments that act there.
+    added: Vec<(usize, Vec<usize>)>,
     /// Outputs that follow the states alone, and those that follow inputs: value references and first slot.
     early: (Vec<u32>, Range<usize>),
     late: (Vec<u32>, Range<usize>),
@@ -347,6 +349,9 @@ impl Plant {
             }
             if let Some(model) = part.instance.equations().filter(|_| !part.states.is_empty()) {
                 model.get_derivatives(&mut dx[part.states.clone()])?;
+            }
+            for (state, blocks) in &part.added {
+                dx[*state] += blocks.iter().fold(0.0, |value, &own| block(own, value, slots));
             }
         }
         Ok(())

@@ -1,5 +1,5 @@
 //! Ports of a system that its graph and its equations show: inputs where something may be missing, and the velocity and
-//! position, or flow and level, that belong to them.
+//! position, or flow and level, that belong to them; and rates of states that no input moves ([`rates`]).
 //!
 //! The kind of an input follows from its unit. Its states are seen from the right-hand side: the velocity along a force
 //! is the state whose rate the force changes, the position is the state whose rate that velocity is. Of several forces
@@ -9,6 +9,8 @@
 
 use airloop_series::compound_unit;
 use airloop_series::units::{Exponents, Unit, lookup};
+
+mod rates;
 
 use super::Problem;
 use super::declaration::{Attachment, File};
@@ -37,7 +39,7 @@ pub enum Kind {
 /// A port.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
-    /// Input of the system or of a component.
+    /// Input of the system or of a component, or rate of a state.
     pub name: String,
     /// Kind, by its unit and its states.
     pub kind: Kind,
@@ -158,11 +160,12 @@ fn inputs(graph: &SystemGraph) -> Vec<(String, usize, usize)> {
     found
 }
 
-/// The ports of a system whose signals `measured` are seen.
+/// The ports of a system whose signals `measured` are seen, with those at the rates of states that are named in
+/// `stated` or that no input moves.
 ///
 /// # Errors
 /// An FMU that fails.
-pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem> {
+pub fn find(graph: &SystemGraph, measured: &[&str], stated: &[&str]) -> Result<Vec<Port>, Problem> {
     let inputs = inputs(graph);
     let names: Vec<String> = inputs.iter().map(|(name, ..)| name.clone()).collect();
     let mut plant = Plant::new(graph, &names, &[], &[])?;
@@ -254,7 +257,9 @@ pub fn find(graph: &SystemGraph, measured: &[&str]) -> Result<Vec<Port>, Problem
             slope: state.and_then(|state| sense.slopes[port].get(state)).copied().unwrap_or(0.0),
         }
     });
-    Ok(found.collect())
+    let mut found: Vec<Port> = found.collect();
+    found.extend(rates::find(graph, (&plant, &sense, &rates), (&found, measured), stated));
+    Ok(found)
 }
 
 /// Influence of a port on the rate of a state, 0 where it is rounding.
@@ -370,7 +375,8 @@ pub fn attachments(file: &File, graph: &SystemGraph) -> Result<Vec<Attachment>, 
         return Ok(stated.iter().map(|own| own.get_ref().clone()).collect());
     }
     let measured: Vec<&str> = file.declaration.outputs.keys().map(String::as_str).collect();
-    let ports = find(graph, &measured)?;
+    let named: Vec<&str> = stated.iter().map(|own| own.get_ref().input.as_str()).collect();
+    let ports = find(graph, &measured, &named)?;
     let fed = |port: &Port| file.declaration.inputs.contains_key(&port.name);
     if stated.is_empty() {
         let own = ports.iter().map(|port| (port, duty(&ports, port, &fed)));

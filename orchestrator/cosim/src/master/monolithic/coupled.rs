@@ -67,6 +67,8 @@ pub(super) struct Coupled {
     for_events: Vec<bool>,
     /// Time \[s\] of the next time event, and the model that wants it.
     pub next_event: Option<(f64, usize)>,
+    /// Addition to each rate, `[state_count]`; empty: none.
+    added: Vec<f64>,
     /// The model that asked for an event or the end after a step.
     pub wants_event: Option<usize>,
     pub wants_end: Option<usize>,
@@ -114,6 +116,7 @@ impl Coupled {
             since: settings.start_time,
             for_events: propagation::inputs_for_events(graph),
             next_event: None,
+            added: Vec::new(),
             wants_event: None,
             wants_end: None,
         };
@@ -277,12 +280,24 @@ impl Coupled {
     /// State derivatives where the instances stand, in event mode, into `dx`, `[n]`.
     pub fn rates_at_event(&mut self, dx: &mut [f64]) -> Result<(), LoopFailure> {
         self.pass(|coupled| &mut coupled.all)?;
+        self.rates_of_models(dx)
+    }
+
+    /// State derivatives where the instances stand, with what is added to them, into `dx`, `[n]`.
+    fn rates_of_models(&mut self, dx: &mut [f64]) -> Result<(), LoopFailure> {
         for (model, states) in self.models.iter_mut().zip(&self.states) {
             if !states.is_empty() {
                 model.get_derivatives(&mut dx[states.clone()])?;
             }
         }
+        dx.iter_mut().zip(&self.added).for_each(|(rate, added)| *rate += added);
         Ok(())
+    }
+
+    /// Adds a value to the rate of a state from now on.
+    pub fn add_to_rate(&mut self, state: usize, value: f64) {
+        self.added.resize(self.state_count(), 0.0);
+        self.added[state] = value;
     }
 
     /// The states that the instances have, into `x`, `[n]`.
@@ -375,12 +390,7 @@ impl Problem for Coupled {
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<(), LoopFailure> {
         self.move_to(t, x)?;
         self.pass(|coupled| &mut coupled.rates)?;
-        for (model, states) in self.models.iter_mut().zip(&self.states) {
-            if !states.is_empty() {
-                model.get_derivatives(&mut dx[states.clone()])?;
-            }
-        }
-        Ok(())
+        self.rates_of_models(dx)
     }
 
     fn indicators(&mut self, z: &mut [f64]) -> Result<(), LoopFailure> {

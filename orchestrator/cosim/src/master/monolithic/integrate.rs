@@ -101,6 +101,11 @@ impl Integrator {
         }
     }
 
+    /// Forgets the step that the error control proposes.
+    pub fn forget(&mut self) {
+        self.proposal = 0.0;
+    }
+
     /// Evaluates the start of what follows; to be called at the beginning and after every event.
     pub fn restart<P: Problem>(&mut self, problem: &mut P, t: f64, x: &[f64]) -> Result<(), P::Error> {
         self.work.evaluations += 1;

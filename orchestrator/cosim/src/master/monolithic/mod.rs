@@ -11,6 +11,7 @@ mod coupled;
 mod dop853;
 mod inputs;
 mod integrate;
+mod integrated;
 mod models;
 
 use super::driver::{End, Run, Simulation};
@@ -22,6 +23,7 @@ use crate::system::SystemGraph;
 use coupled::{Coupled, Event};
 pub(super) use inputs::Inputs;
 use integrate::{Failure, Integrator, Reached};
+pub use integrated::Integrated;
 pub use models::{EventReport, Models, Tangent};
 
 /// Relative tolerance where nothing else is said.
@@ -149,14 +151,7 @@ impl<'a> Simulation<'a> for Monolith<'a> {
 impl Monolith<'_> {
     /// After initialization and events: tolerances, right-hand side and indicators at the present point.
     fn restart(&mut self) -> Result<(), Error> {
-        self.coupled.nominals(&mut self.integrator.absolute)?;
-        for absolute in &mut self.integrator.absolute {
-            *absolute = ABSOLUTE_PER_RELATIVE_TOLERANCE
-                * self.relative
-                * absolute.abs().max(f64::MIN_POSITIVE / SMALLEST_TOLERANCE);
-        }
-        let time = self.time;
-        self.integrator.restart(&mut self.coupled, time, &self.x).map_err(|failure| failure.at(time))
+        restart(&mut self.coupled, &mut self.integrator, self.relative, (self.time, &self.x))
     }
 
     /// Adds a row at `time` \[s\].
@@ -219,7 +214,7 @@ impl Monolith<'_> {
             }
             let target = self.target(end);
             let reached = self.integrator.advance(&mut self.coupled, &mut self.time, &mut self.x, target);
-            let reached = reached.map_err(|failure| self.explain(failure))?;
+            let reached = reached.map_err(|failure| explain(&self.coupled, failure, self.time))?;
             if let Some(model) = self.coupled.wants_end {
                 return Ok(Some(self.coupled.models[model].name().to_owned()));
             }
@@ -258,21 +253,6 @@ impl Monolith<'_> {
             .min(end)
     }
 
-    fn explain(&self, failure: Failure<LoopFailure>) -> Error {
-        let time = self.time;
-        match failure {
-            Failure::Problem(failure) => failure.at(time),
-            Failure::Underflow { state, step } => {
-                let (component, variable) = self.coupled.state_name(state);
-                Error::StepUnderflow { component, variable, time, step }
-            }
-            Failure::TooManySteps { state, steps } => {
-                let (component, variable) = self.coupled.state_name(state);
-                Error::Stiff { component, variable, time, steps }
-            }
-        }
-    }
-
     /// Too many events; `moved`: the time did between the last two.
     fn chattering(&self, time_event: Option<usize>, moved: bool, events: u64) -> Error {
         let name = |model: usize| self.coupled.models[model].name();
@@ -301,6 +281,37 @@ impl Monolith<'_> {
             time_events: self.time_events,
             state_events: self.state_events.len() as u64,
             input_events: self.input_events,
+        }
+    }
+}
+
+/// After initialization and events: tolerances, right-hand side and indicators at a time \[s\] and states, `[n]`.
+fn restart(
+    coupled: &mut Coupled,
+    integrator: &mut Integrator,
+    relative: f64,
+    (time, x): (f64, &[f64]),
+) -> Result<(), Error> {
+    coupled.nominals(&mut integrator.absolute)?;
+    for absolute in &mut integrator.absolute {
+        *absolute = ABSOLUTE_PER_RELATIVE_TOLERANCE
+            * relative
+            * absolute.abs().max(f64::MIN_POSITIVE / SMALLEST_TOLERANCE);
+    }
+    integrator.restart(coupled, time, x).map_err(|failure| failure.at(time))
+}
+
+/// Why an integration stopped at `time` \[s\].
+fn explain(coupled: &Coupled, failure: Failure<LoopFailure>, time: f64) -> Error {
+    match failure {
+        Failure::Problem(failure) => failure.at(time),
+        Failure::Underflow { state, step } => {
+            let (component, variable) = coupled.state_name(state);
+            Error::StepUnderflow { component, variable, time, step }
+        }
+        Failure::TooManySteps { state, steps } => {
+            let (component, variable) = coupled.state_name(state);
+            Error::Stiff { component, variable, time, steps }
         }
     }
 }

@@ -74,13 +74,13 @@ enum Fresh {
 /// All Model Exchange instances of a system.
 #[derive(Debug)]
 pub struct Models {
-    coupled: Coupled,
+    pub(super) coupled: Coupled,
     positions: Vec<usize>,
     time: f64,
-    x: Vec<f64>,
+    pub(super) x: Vec<f64>,
     dx: Vec<f64>,
     /// Value of each system input.
-    inputs: Vec<f64>,
+    pub(super) inputs: Vec<f64>,
     fresh: Fresh,
     /// The instances are in continuous-time mode.
     continuous: bool,
@@ -114,6 +114,12 @@ impl Models {
         let ramp = |(input, &value): (usize, &f64)| Ramp { input, coefficients: [value, 0.0, 0.0, 0.0] };
         let ramps = self.inputs.iter().enumerate().map(ramp).collect();
         self.coupled.set_ramps(ramps, self.time);
+        self.fresh = Fresh::Nothing;
+    }
+
+    /// Adds a value to the rate of a state from now on, in the unit of the rate.
+    pub fn add_to_rate(&mut self, state: usize, value: f64) {
+        self.coupled.add_to_rate(state, value);
         self.fresh = Fresh::Nothing;
     }
 

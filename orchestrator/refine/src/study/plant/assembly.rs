@@ -6,7 +6,7 @@ use super::algebraic_loop;
 use super::instance::{Pace, PartInstance, is_stepped};
 use super::{Feed, Part, Plant};
 use crate::study::Problem;
-use crate::study::names::{attachment_target, known};
+use crate::study::names::{attachment_target, known, state_of_rate};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_cosim::system::order::loop_groups;
@@ -17,8 +17,8 @@ const USUAL_SAMPLE_STEP: f64 = 1e-3;
 
 impl Plant {
     /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs
-    /// where blocks act, `extra` further signals, which have the last slots; `wanted`: variables that are shown
-    /// although they are no outputs.
+    /// and the rates of states where blocks act, `extra` further signals, which have the last slots; `wanted`: variables
+    /// that are shown although they are no outputs.
     ///
     /// # Errors
     /// Names that are no inputs, FMUs that fail.
@@ -134,6 +134,13 @@ impl Plant {
                 let full = if graph.single { name.clone() } else { component.path_of(variable) };
                 states.insert(full, nx + place);
             }
+            let rate = |(place, &state): (usize, &usize)| {
+                let is_its_rate = |of: &(usize, usize)| state_of_rate(component, of.1) == Some(state);
+                let targets = blocks.iter().filter(|(of, _)| of.0 == index && is_its_rate(of));
+                let own: Vec<usize> = targets.flat_map(|(_, own)| own.iter().copied()).collect();
+                (!own.is_empty()).then_some((nx + place, own))
+            };
+            let added = own_states.iter().enumerate().filter_map(rate).collect();
             let own = nx..nx + instance.equations().map_or(0, |model| model.state_count());
             let stateless = own.is_empty();
             let own_states = || own_states.iter().map(|&v| &description.variables[v]);
@@ -167,6 +174,7 @@ impl Plant {
                 feeds,
                 feed_references,
                 feed_values,
+                added,
                 early,
                 late,
                 shown,
