@@ -17,8 +17,8 @@ const USUAL_SAMPLE_STEP: f64 = 1e-3;
 
 impl Plant {
     /// Instantiates the components of a graph, for Model Exchange where they have that; `attachments` are the inputs
-    /// and the rates of states where blocks act, `extra` further signals, which have the last slots; `wanted`: variables
-    /// that are shown although they are no outputs.
+    /// and the rates of states where blocks act, `extra` further signals, which have the last slots; `wanted`:
+    /// variables that are shown although they are no outputs.
     ///
     /// # Errors
     /// Names that are no inputs, FMUs that fail.
