@@ -2,6 +2,7 @@
 piston is found at the rate of the velocity, and the amended system has an FMU with an input there, which any tool runs."""
 
 import json
+import shutil
 
 import fmpy
 import numpy as np
@@ -9,10 +10,11 @@ import pytest
 from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 
-from command import start
+from command import ROOT, start
 from held import simulated
 from segments import write_segments
 from test_study import amended_has_printed_errors, named, refine
+from test_system_fmu import Unit
 from third_party_fmu import System, build
 
 STEP, COUNT, FINE, NOISE = 0.005, 2000, 10, 2e-4
@@ -83,6 +85,33 @@ def check_fmu(path, tmp_path):
             str(path), fmi_type=interface, stop_time=0.5, output_interval=0.01, start_values={"u": 0.8, name: 0.3}, relative_tolerance=1e-10
         )
         assert found["x"][-1] == pytest.approx(truth[1], rel=1e-6), interface
+
+
+def test_an_fmu_of_this_project_gets_an_input_at_a_rate_and_keeps_its_state(tmp_path):
+    folder = shutil.copytree(ROOT / "examples" / "06_study", tmp_path / "case")
+    text = (folder / "study.toml").read_text().split("[[attachment]]")[0]
+    (folder / "study.toml").write_text(text + '[[attachment]]\ninput = "der(omega)"\n')
+    result = refine(folder, tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert result.returncode == 0 and all(name.endswith("@der(omega)") for name in named(report)), result.stdout
+    amended_has_printed_errors(folder / "study.toml", tmp_path / "out", report, rel=0.01)
+    unit = Unit(next((tmp_path / "out" / "system").glob("*_with_rates.fmu")), tmp_path / "unpacked")
+    unit.start(theta=0.3)
+
+    def on(first):
+        for k in range(first, first + 25):
+            unit.set(**{"added_to_der(omega)": 0.3 + 0.01 * (k % 3)})
+            unit.fmu.doStep(currentCommunicationPoint=0.01 * k, communicationStepSize=0.01)
+        return unit.get(["theta", "omega", "added_to_der(omega)"])
+
+    before = on(0)
+    saved = unit.fmu.getFMUstate()
+    first = on(25)
+    assert first != before
+    unit.fmu.setFMUstate(saved)
+    assert on(25) == first
+    unit.fmu.freeFMUstate(saved)
+    unit.free()
 
 
 @pytest.mark.parametrize("short", [True, False])

@@ -108,7 +108,7 @@ pub struct Wiring {
     pub sign: f64,
     /// Coulomb level that presliding acts on.
     pub level: f64,
-    /// Port that gets a part of what is taken off, and its [`Wiring::sign`].
+    /// Port that gets a part of what is taken off, and the value there of all of it, with its [`Wiring::sign`].
     pub into: Option<(String, f64)>,
 }
 

@@ -93,15 +93,15 @@ pub fn block(effect: &Effect, name: String, wiring: &Wiring, step: f64, sources:
     Some(Block { part, way: ("u", "y", None), further })
 }
 
-/// The block of the part of an overflow that the next level gets; `sign`: -1 where a larger value makes that level
-/// fall, `sources`: those of the level that runs over.
-pub fn caught(effect: &Effect, name: String, sign: f64, sources: &Sources) -> Block {
+/// The block of the part of an overflow that the next level gets; `all`: value there of all that runs over, below zero
+/// where a larger value makes that level fall, `sources`: those of the level that runs over.
+pub fn caught(effect: &Effect, name: String, all: f64, sources: &Sources) -> Block {
     let value = |name: &str| blocks::value(effect, name);
     let values = [
-        ("endstop_stiffness", value("coef") * value("caught")),
+        ("endstop_stiffness", value("coef") * value("caught") * all.abs()),
         ("endstop_pos", value("level")),
         // What the other port loses comes in here.
-        ("sign", -sign),
+        ("sign", -all.signum()),
     ];
     let start = values.map(|(name, value)| (name.to_owned(), Value::Real(value))).into();
     let part = Part { name, template: "port-effect", description: description(effect), start };

@@ -298,9 +298,9 @@ fn place(
         });
     let Some(block) = block else { return };
     insert_all(network, &targets, &block);
-    if let Some((into, sign)) = &wiring.into {
+    if let Some((into, all)) = &wiring.into {
         let targets = self::targets(network, graph, into);
-        insert_all(network, &targets, &port::caught(effect, format!("{name}_caught"), *sign, &sources));
+        insert_all(network, &targets, &port::caught(effect, format!("{name}_caught"), *all, &sources));
     }
 }
 

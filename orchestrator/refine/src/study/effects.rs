@@ -8,7 +8,7 @@ use super::changed;
 use super::exact;
 use super::fits::{Fits, Model};
 use super::law::Law;
-use super::model::{Action, Sensor, Study};
+use super::model::{Action, Sensor, Study, Tap};
 use super::search::Selection;
 use crate::answer::{Effect, Parameter, Wiring};
 use crate::engine::{System, parallel, stop};
@@ -29,12 +29,26 @@ pub fn physical(study: &Study, c: usize, p: &[f64]) -> Vec<f64> {
     let p = &p[own.entries.clone()];
     match own.action {
         Action::Block { law: Law::Spring, .. } => vec![p[0], -p[1] / p[0]],
-        Action::Block { law: Law::CaughtOverflow, .. } => vec![p[0], p[1], p[2] / p[0]],
+        Action::Block { law: Law::CaughtOverflow, .. } => {
+            vec![p[0], p[1], p[2] / p[0] * share_of_one(study, c)]
+        }
         Action::Block { law: Law::Cogging | Law::PeriodicCoulomb, .. } => {
             vec![p[0].hypot(p[1]), p[1].atan2(p[0]), p[2]]
         }
         _ => p.to_vec(),
     }
+}
+
+/// Share that a level gets of what another loses, where a port adds as much there as another one takes off here: one
+/// unit, or rates that grow with the values by the same slope. Ports of other units (a pump in V, the rate of a level)
+/// count by the rates that they give.
+fn share_of_one(study: &Study, c: usize) -> f64 {
+    let own = &study.candidates[c];
+    let (Action::Block { tap, .. }, Some(into)) = (own.action, own.into) else { return 1.0 };
+    let [from, to] = [tap, into].map(|tap| &study.taps[tap]);
+    let slope = |tap: &Tap| tap.attachment.port.map_or(0.0, |port| port.slope.abs());
+    let ratio = slope(to) / slope(from);
+    if from.units[0] == to.units[0] || !(ratio > 0.0 && ratio.is_finite()) { 1.0 } else { ratio }
 }
 
 /// Improvement of the information criterion over the declared model, but for the price of parameters.
@@ -124,7 +138,10 @@ pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
         // A constant is added to a value whatever it drives.
         sign: if study.candidates[c].action == bias { -1.0 } else { tap.sign },
         level: declared + coulomb.map_or(0.0, |own| own[0]),
-        into: study.candidates[c].into.map(|tap| (study.taps[tap].name.clone(), study.taps[tap].sign)),
+        into: study.candidates[c].into.map(|tap| {
+            let tap = &study.taps[tap];
+            (tap.name.clone(), tap.sign / share_of_one(study, c))
+        }),
     })
 }
 
