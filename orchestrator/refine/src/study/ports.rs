@@ -1,5 +1,5 @@
 //! Ports of a system that its graph and its equations show: inputs where something may be missing, and the velocity and
-//! position, or flow and level, that belong to them; and rates of states that no input moves ([`rates`]).
+//! position, or flow and level, that belong to them; and rates of states that no input moves (`rates`).
 //!
 //! The kind of an input follows from its unit. Its states are seen from the right-hand side: the velocity along a force
 //! is the state whose rate the force changes, the position is the state whose rate that velocity is. Of several forces
