@@ -34,7 +34,7 @@ def write_fmu(folder, short):
     build(System("press", STEP, 1.0, 1, states, {"u": ("V", 1.0)}, values, {}, {}, None, short=short, hidden=("v",)), EQUATIONS, folder)
 
 
-def write_study(folder, friction, short=True, seed=3):
+def write_study(folder, friction, short=True, seed=3, accelerometer=False):
     """The position of a press with Coulomb friction, solved by a Runge-Kutta method of fourth order."""
     folder.mkdir(parents=True)
     write_fmu(folder, short)
@@ -49,10 +49,15 @@ def write_study(folder, friction, short=True, seed=3):
         sines = sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6.28)) for f in (0.2, 0.5, 0.9))
         command = np.round(0.6 * sines + np.repeat(rng.uniform(-1, 1, COUNT // 100), 100), 3)
         command[0] = 0.0
-        shown = simulated(rate, np.zeros(3), command, STEP, FINE)[:, 1] + NOISE * rng.standard_normal(COUNT)
-        records.append(np.column_stack([t, command, shown]))
+        states = simulated(rate, np.zeros(3), command, STEP, FINE)
+        shown = [states[:, 1] + NOISE * rng.standard_normal(COUNT)]
+        if accelerometer:
+            rates = np.array([rate(own, u)[2] for own, u in zip(states, command, strict=True)])
+            shown.append(rates + 0.02 * rng.standard_normal(COUNT))
+        records.append(np.column_stack([t, command, *shown]))
     text = 'system = "press.fmu"\n[inputs]\nu = { column = "u", hold = true }\n[outputs]\nx = { column = "x" }\n'
-    text += write_segments(folder, records, "time,u,x", len(records) * ["{ F = 0.0, x = 0.0, v = 0.0 }"])
+    text += '"der(v)" = { column = "a" }\n' if accelerometer else ""
+    text += write_segments(folder, records, "time,u,x,a" if accelerometer else "time,u,x", len(records) * ["{ F = 0.0, x = 0.0, v = 0.0 }"])
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
 
@@ -85,6 +90,15 @@ def check_fmu(path, tmp_path):
             str(path), fmi_type=interface, stop_time=0.5, output_interval=0.01, start_values={"u": 0.8, name: 0.3}, relative_tolerance=1e-10
         )
         assert found["x"][-1] == pytest.approx(truth[1], rel=1e-6), interface
+
+
+def test_an_accelerometer_sees_what_acts_at_the_rate(tmp_path):
+    study = write_study(tmp_path / "case", 1.5, short=False, accelerometer=True)
+    result = refine(study, tmp_path / "out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert named(report) == ["coulomb@der(v)"], result.stdout + result.stderr
+    assert report["effects"][0]["params"]["force"]["value"] == pytest.approx(1.5 / MASS, rel=0.03)
+    amended_has_printed_errors(study, tmp_path / "out", report, rel=0.01)
 
 
 def test_an_fmu_of_this_project_gets_an_input_at_a_rate_and_keeps_its_state(tmp_path):

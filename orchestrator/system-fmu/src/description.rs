@@ -16,10 +16,10 @@ pub(crate) const IDENTIFIER: &str = "airloop_system";
 pub(crate) fn text(graph: &SystemGraph, recipe: &Recipe, table: &Table) -> String {
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let controls = recipe.nmpc.is_some();
-    let about = match (controls, graph.components.first().filter(|_| recipe.integrates())) {
-        (true, _) => format!("Model predictive controller with a model of {} FMUs", graph.components.len()),
-        (false, Some(own)) => format!("{} With inputs at rates of states", own.fmu.description.description),
-        (false, None) => format!("System of {} FMUs", graph.components.len()),
+    let about = match controls {
+        true => format!("Model predictive controller with a model of {} FMUs", graph.components.len()),
+        false if recipe.integrates() => format!("{} with inputs at rates of its states", recipe.name),
+        false => format!("System of {} FMUs", graph.components.len()),
     };
     let root = [
         ("fmiVersion", "2.0".to_owned()),

@@ -85,11 +85,12 @@ impl Table {
                 Causality::Local => Role::Local,
                 _ => continue,
             };
-            let mut variable = plain(variable, role);
-            if let Some(index) = graph.outputs.iter().position(|output| output.source == source(&variable)) {
-                variable.place = Place::Output(index);
+            let source = Source::Output { component: 0, variable };
+            let mut own = plain(variable, role);
+            if let Some(index) = graph.outputs.iter().position(|output| output.source == source) {
+                own.place = Place::Output(index);
             }
-            table.variables.push(variable);
+            table.variables.push(own);
         }
         let shown = |variable: usize| description.variables[variable].causality == Causality::Output;
         for (number, (&state, &rate)) in states.iter().zip(&derivatives).enumerate() {
@@ -186,14 +187,6 @@ impl Table {
     /// Variable of a value reference.
     pub fn get(&self, reference: u32) -> Option<&Variable> {
         self.variables.get(usize::try_from(reference).ok()?)
-    }
-}
-
-/// The value of a component's variable.
-fn source(variable: &Variable) -> Source {
-    match variable.place {
-        Place::Variable { component, variable } => Source::Output { component, variable },
-        Place::Input(index) | Place::Output(index) => Source::Input(index),
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::Error;
 use airloop_cosim::system::SystemGraph;
+use airloop_cosim::system::graph::StartValue;
 use airloop_cosim::system::ssp::{ComponentElement, Structure};
 use airloop_cosim::system::ssv::Value;
 use airloop_fmi::template_folder;
@@ -47,10 +48,7 @@ pub fn add_inputs(
 }
 
 /// Start values that a structure gives a component.
-fn start_values(
-    structure: &Structure,
-    component: &ComponentElement,
-) -> Result<Vec<airloop_cosim::system::graph::StartValue>, Error> {
+fn start_values(structure: &Structure, component: &ComponentElement) -> Result<Vec<StartValue>, Error> {
     let alone = Structure {
         connectors: Vec::new(),
         connections: Vec::new(),

@@ -1,6 +1,7 @@
 //! Coefficients of identified linear models, which the records have to choose anew with every effect: the effect acted
 //! in the data of the identification, and the coefficients took some of it.
 
+use super::names;
 use super::plant::Plant;
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Start};
@@ -50,10 +51,7 @@ pub fn coefficients(graph: &SystemGraph) -> Vec<String> {
         };
         let (states, outputs) = (used("n_x"), used("n_y"));
         let inside = |&(_, (row, column)): &(usize, (usize, usize))| row <= outputs && column <= states;
-        let path = |(index, _): (usize, (usize, usize))| {
-            let name = &variables[index].name;
-            if graph.single { name.clone() } else { component.path_of(index) }
-        };
+        let path = |(index, _): (usize, (usize, usize))| names::name_of(graph, component, index);
         let poles = named('A').filter(|(_, (row, column))| row == column && *row <= states).map(path);
         let shown = named('C').filter(inside).map(path);
         let rest = (1..=outputs.min(variables.len())).filter_map(|output| {

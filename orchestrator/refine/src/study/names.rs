@@ -14,6 +14,14 @@ pub(super) fn path(graph: &SystemGraph, name: &str) -> Option<(usize, usize)> {
     graph.components[index].fmu.description.index_of(variable).map(|variable| (index, variable))
 }
 
+/// Name of a variable of a component, which a system of one FMU leaves out.
+pub(crate) fn name_of(graph: &SystemGraph, component: &Component, variable: usize) -> String {
+    match graph.single {
+        true => component.fmu.description.variables[variable].name.clone(),
+        false => component.path_of(variable),
+    }
+}
+
 /// Names of the system for messages.
 pub fn known(graph: &SystemGraph, wanted: &[Causality]) -> String {
     let mut names: Vec<String> = Vec::new();
@@ -21,12 +29,11 @@ pub fn known(graph: &SystemGraph, wanted: &[Causality]) -> String {
         names.extend(graph.inputs.iter().map(|input| input.name.clone()));
     }
     for component in &graph.components {
-        for variable in component.fmu.description.variables.iter().filter(|v| wanted.contains(&v.causality)) {
-            let name = if graph.single {
-                variable.name.clone()
-            } else {
-                format!("{}.{}", component.name, variable.name)
-            };
+        for (index, variable) in component.fmu.description.variables.iter().enumerate() {
+            if !wanted.contains(&variable.causality) {
+                continue;
+            }
+            let name = name_of(graph, component, index);
             if !names.contains(&name) {
                 names.push(name);
             }
@@ -34,6 +41,19 @@ pub fn known(graph: &SystemGraph, wanted: &[Causality]) -> String {
     }
     names.truncate(30);
     names.join(", ")
+}
+
+/// Places of attachments for messages: inputs, then rates of states.
+pub(super) fn places(graph: &SystemGraph) -> String {
+    let inputs = known(graph, &[Causality::Input]);
+    let rates = graph.components.iter().flat_map(|component| {
+        let variables = 0..component.fmu.description.variables.len();
+        let rates = variables.filter(|&variable| state_of_rate(component, variable).is_some());
+        rates.map(|variable| name_of(graph, component, variable))
+    });
+    let all: Vec<String> =
+        std::iter::once(inputs).filter(|own| !own.is_empty()).chain(rates.take(30)).collect();
+    all.join(", ")
 }
 
 /// Unit of a signal of the system: a system input, a connector or `component.variable`.

@@ -35,6 +35,17 @@ struct Feed {
     blocks: Vec<usize>,
 }
 
+/// Rate of a state to which blocks add.
+#[derive(Debug)]
+struct Added {
+    /// Place among all states.
+    state: usize,
+    /// Slot of the rate, where something reads it: an accelerometer sees what is added.
+    slot: Option<usize>,
+    /// Attachments that act here.
+    blocks: Vec<usize>,
+}
+
 /// One component.
 #[derive(Debug)]
 struct Part {
@@ -47,8 +58,7 @@ struct Part {
     feeds: Vec<Feed>,
     feed_references: Vec<u32>,
     feed_values: Vec<f64>,
-    /// Rates to which blocks add: place among all states, and attachments that act there.
-    added: Vec<(usize, Vec<usize>)>,
+    added: Vec<Added>,
     /// Outputs that follow the states alone, and those that follow inputs: value references and first slot.
     early: (Vec<u32>, Range<usize>),
     late: (Vec<u32>, Range<usize>),
@@ -350,8 +360,12 @@ impl Plant {
             if let Some(model) = part.instance.equations().filter(|_| !part.states.is_empty()) {
                 model.get_derivatives(&mut dx[part.states.clone()])?;
             }
-            for (state, blocks) in &part.added {
-                dx[*state] += blocks.iter().fold(0.0, |value, &own| block(own, value, slots));
+            for own in &part.added {
+                let value = own.blocks.iter().fold(0.0, |value, &own| block(own, value, slots));
+                dx[own.state] += value;
+                if let Some(slot) = own.slot {
+                    slots[slot] += value;
+                }
             }
         }
         Ok(())

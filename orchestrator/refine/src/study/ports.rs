@@ -152,7 +152,7 @@ fn inputs(graph: &SystemGraph) -> Vec<(String, usize, usize)> {
             let driven = graph.connections.iter().find(|c| (c.component, c.variable) == (index, variable));
             let outside = driven.is_some_and(|c| matches!(c.source, Source::Input(_)));
             if declared.causality == Causality::Input && real(index, variable) && !outside {
-                let name = if graph.single { declared.name.clone() } else { component.path_of(variable) };
+                let name = names::name_of(graph, component, variable);
                 found.push((name, index, variable));
             }
         }

@@ -53,7 +53,7 @@ fn parameters(graph: &SystemGraph) -> Vec<String> {
                 && !name.contains('[')
                 && !is_clock(name, real.unit.as_deref())
             {
-                found.push(if graph.single { variable.name.clone() } else { component.path_of(index) });
+                found.push(names::name_of(graph, component, index));
             }
         }
     }

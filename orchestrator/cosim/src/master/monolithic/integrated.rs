@@ -2,7 +2,9 @@
 
 use super::integrate::{Integrator, Reached};
 use super::models::Models;
-use super::{DEFAULT_TOLERANCE, MOST_EVENTS, SAME_TIME, SMALLEST_TOLERANCE, explain, restart};
+use super::{
+    DEFAULT_TOLERANCE, MOST_EVENTS, MOST_EVENTS_IN_ALL, SAME_TIME, SMALLEST_TOLERANCE, explain, restart,
+};
 use crate::master::{Error, Progress, Settings};
 use crate::system::SystemGraph;
 
@@ -60,16 +62,23 @@ impl Integrated {
     pub fn step(&mut self, graph: &SystemGraph, t: f64, h: f64) -> Result<Progress, Error> {
         let (mut time, end) = (t, t + h);
         let near = SAME_TIME * end.abs().max(h);
-        let (mut ready, mut events) = (false, 0);
+        let (mut ready, mut events, mut all) = (false, 0, 0);
+        let mut last_event = f64::NEG_INFINITY;
         self.models.set_time(t);
         self.integrator.forget();
         while time < end {
             let next = self.models.coupled.next_event.map(|(next, _)| next);
-            if self.pending || next.is_some_and(|next| next <= time + near) {
-                events += 1;
-                if events > MOST_EVENTS {
+            let due = next.filter(|next| *next <= time + near);
+            if self.pending || due.is_some() {
+                time = due.map_or(time, |due| time.max(due));
+                self.models.set_time(time);
+                // Time events that move on are the samples of a component.
+                all += 1;
+                events += u64::from(self.pending || time <= last_event + near);
+                last_event = time;
+                if events > MOST_EVENTS || all > MOST_EVENTS_IN_ALL {
                     let cause = "an event that comes again at once".to_owned();
-                    return Err(Error::Chattering { cause, time, events });
+                    return Err(Error::Chattering { cause, time, events: all });
                 }
                 if let Some(component) = self.models.event(graph)?.terminated {
                     return Ok(Progress::Terminated { component, last_successful_time: Some(time) });

@@ -117,7 +117,8 @@ impl Models {
         self.fresh = Fresh::Nothing;
     }
 
-    /// Adds a value to the rate of a state from now on, in the unit of the rate.
+    /// Adds a value to the rate of a state from now on, in the unit of the rate; `state` is below
+    /// [`Models::state_count`].
     pub fn add_to_rate(&mut self, state: usize, value: f64) {
         self.coupled.add_to_rate(state, value);
         self.fresh = Fresh::Nothing;

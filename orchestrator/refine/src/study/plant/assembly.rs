@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::algebraic_loop;
 use super::instance::{Pace, PartInstance, is_stepped};
-use super::{Feed, Part, Plant};
+use super::{Added, Feed, Part, Plant};
 use crate::study::Problem;
-use crate::study::names::{attachment_target, known, state_of_rate};
+use crate::study::names::{attachment_target, name_of, places, state_of_rate};
 use airloop_cosim::system::SystemGraph;
 use airloop_cosim::system::graph::{Component, Conversion, DataType, Source, Start};
 use airloop_cosim::system::order::loop_groups;
@@ -34,7 +34,7 @@ impl Plant {
             let targets = attachment_target(graph, name).ok_or_else(|| Problem::Name {
                 what: "input",
                 name: name.clone(),
-                known: known(graph, &[Causality::Input]),
+                known: places(graph),
             })?;
             targets.into_iter().for_each(|target| blocks.entry(target).or_default().push(index));
         }
@@ -54,8 +54,7 @@ impl Plant {
             let component = &graph.components[index];
             let variables = &component.fmu.description.variables;
             let asked = |v: usize| {
-                let name = if graph.single { variables[v].name.clone() } else { component.path_of(v) };
-                variables[v].causality == Causality::Local && wanted.contains(&name)
+                variables[v].causality == Causality::Local && wanted.contains(&name_of(graph, component, v))
             };
             let outputs = (0..variables.len())
                 .filter(|&v| real(component, v) && (variables[v].causality == Causality::Output || asked(v)));
@@ -68,12 +67,7 @@ impl Plant {
                 let first = count;
                 for &variable in list {
                     places.insert((index, variable), count);
-                    let name = if graph.single {
-                        variables[variable].name.clone()
-                    } else {
-                        component.path_of(variable)
-                    };
-                    names.insert(name, count);
+                    names.insert(name_of(graph, component, variable), count);
                     count += 1;
                 }
                 let references: Vec<u32> = list.iter().map(|&v| variables[v].value_reference).collect();
@@ -130,17 +124,16 @@ impl Plant {
             let (stepped, own_states) = (is_stepped(component), states_of(component));
             let mut instance = PartInstance::new(component, &early.0)?;
             for (place, &variable) in own_states.iter().enumerate() {
-                let name = &description.variables[variable].name;
-                let full = if graph.single { name.clone() } else { component.path_of(variable) };
-                states.insert(full, nx + place);
+                states.insert(name_of(graph, component, variable), nx + place);
             }
-            let rate = |(place, &state): (usize, &usize)| {
-                let is_its_rate = |of: &(usize, usize)| state_of_rate(component, of.1) == Some(state);
-                let targets = blocks.iter().filter(|(of, _)| of.0 == index && is_its_rate(of));
-                let own: Vec<usize> = targets.flat_map(|(_, own)| own.iter().copied()).collect();
-                (!own.is_empty()).then_some((nx + place, own))
-            };
-            let added = own_states.iter().enumerate().filter_map(rate).collect();
+            let at_rates = blocks.iter().filter(|((component, _), _)| *component == index);
+            let added = at_rates.filter_map(|(&(_, variable), blocks)| {
+                let state = state_of_rate(component, variable)?;
+                let place = own_states.iter().position(|own| *own == state)?;
+                let slot = places.get(&(index, variable)).copied();
+                Some(Added { state: nx + place, slot, blocks: blocks.clone() })
+            });
+            let added = added.collect();
             let own = nx..nx + instance.equations().map_or(0, |model| model.state_count());
             let stateless = own.is_empty();
             let own_states = || own_states.iter().map(|&v| &description.variables[v]);

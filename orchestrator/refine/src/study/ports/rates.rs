@@ -21,17 +21,14 @@ pub(super) fn find(
 ) -> Vec<Port> {
     let mut found = Vec::new();
     for component in &graph.components {
-        let name = |variable: usize| match graph.single {
-            true => component.fmu.description.variables[variable].name.clone(),
-            false => component.path_of(variable),
-        };
+        let name = |variable: usize| names::name_of(graph, component, variable);
         for unknown in &component.fmu.description.derivatives {
             let own = state_of_rate(component, unknown.variable);
             let Some(state) = own.and_then(|state| plant.state(&name(state))) else { continue };
             let rate = name(unknown.variable);
             let shown = &sense.names[state];
-            let moved =
-                known.iter().any(|port| [&port.velocity, &port.position].contains(&&Some(shown.clone())));
+            let signals = known.iter().flat_map(|port| [&port.velocity, &port.position]).flatten();
+            let moved = signals.into_iter().any(|own| own == shown);
             let is_position = integrals.contains(&Some(state));
             let rests = sense.points.iter().all(|(_, rates)| rates[state] == 0.0);
             let has_meaning = names::unit_of(graph, shown).is_some() || measured.contains(&shown.as_str());
