@@ -11,7 +11,7 @@ use airloop_refine::case::Case;
 use airloop_refine::engine::System;
 use airloop_refine::engine::candidate::Candidate;
 use airloop_refine::rig::coupled::Coupled;
-use airloop_refine::rig::cylinder::{Chambers, Cylinder};
+use airloop_refine::rig::cylinder::Cylinder;
 use airloop_refine::rig::open::open;
 use airloop_refine::rig::parameters::{self, TABLE};
 use airloop_refine::rig::physical::quantities;
@@ -219,8 +219,8 @@ fn a_cylinder_in_place_of_the_actuator_moves_as_in_the_search() {
     let mut answer = answer(vec![effect(own, &p)], Vec::new());
     answer.cylinder = true;
     // The monolithic master couples all the time. The FMU holds what leaves a tube over its substeps of 0.1 ms.
-    rig.cylinder = Chambers::new(&Cylinder { tdelay: 0.003_05, ..Cylinder::default() });
-    rig.cylinder.exchange = 0.0;
+    rig.cylinder = Cylinder { tdelay: 0.003_05, ..Cylinder::default() };
+    rig.exchange = 0.0;
     let start = [0.012, 0.03];
     let found = run(&case, &answer, start, 200, "monolithic");
     let predicted = rig.predict(0, &p, &start);

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::Error;
 use super::rig::corrections;
-use super::rig::cylinder::Cylinder;
+use super::rig::cylinder::Stated;
 use super::study::clipping::clipping;
 use super::study::declaration::read;
 use super::{cleaned, grid, regime, spikes};
@@ -52,9 +52,9 @@ pub enum Kind {
 pub struct Declared {
     /// Sampled actuator model.
     pub actuator: Option<Actuator>,
-    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; none: that of the FMU
-    /// `pneumatic-cylinder`.
-    pub cylinder: Option<Cylinder>,
+    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; dimensions that are left out are
+    /// fitted from those of the FMU `pneumatic-cylinder` on.
+    pub cylinder: Stated,
     /// Friction between piston and cylinder.
     pub piston_friction: Option<Friction>,
     /// Friction between cart and guide.
@@ -231,7 +231,7 @@ impl Case {
             return Err(refused("sample_rate_hz must be positive".into()));
         }
         declaration.model.check().map_err(refused)?;
-        if let Some(Err(problem)) = declaration.model.cylinder.as_ref().map(Cylinder::check) {
+        if let Err(problem) = declaration.model.cylinder.cylinder().check() {
             return Err(refused(format!(
                 "[model.cylinder]: {problem}; SI units, and what is left out is as in the FMU pneumatic-cylinder"
             )));

@@ -7,39 +7,96 @@
 
 use super::answer::{Answer, Verdict};
 use super::engine::System;
-use super::engine::fit::Free;
-use super::engine::search::{Model, Search};
-use super::engine::select::MARGIN;
-use super::rig::parameters::{CYLINDER, D_ACT_DECAY, D_ACT_GAIN, D_ACT_TURN};
+use super::engine::candidate::Candidate;
+use super::engine::fit::{Fit, Free, fit};
+use super::engine::goodness::Null;
+use super::engine::search::{Model, Rules, Search};
+use super::engine::select::{MARGIN, attempt};
+use super::rig::coupled::Coupled;
+use super::rig::parameters::CYLINDER;
 
-/// Share of the normalized power that the declared actuator leaves in the pressure force below which the cylinder takes
-/// its place.
+/// Share of the square error beyond the noise that the declared actuator, with its best effect, leaves in the pressure
+/// force below which the cylinder takes its place.
 const MAX_ERROR_RATIO: f64 = 0.25;
+/// Power beyond the noise over that of the noise up to which the dimensions of a cylinder are as declared: windows that
+/// begin at reversals leave some percent.
+const MAX_EXCESS_AS_DECLARED: f64 = 0.1;
+/// Rounds of a fit of the dimensions.
+const ROUNDS: usize = 12;
+/// Effects of an actuator that are fitted for comparison.
+const FITTED: usize = 3;
+/// Draws of the null, which only ranks.
+const DRAWS: usize = 40;
 /// Note of the report where the cylinder takes the place of the declared actuator.
-const NOTE: &str = "The actuator does not follow its declared model. Identified with the rod fixed, that cannot know that a moving piston changes the pressures in the chambers. A pneumatic cylinder from first principles takes its place, as declared in [model.cylinder] or with the values of the FMU pneumatic-cylinder.";
+const NOTE: &str = "The actuator does not follow its declared model. Identified with the rod fixed, that cannot know that a moving piston changes the pressures in the chambers. A pneumatic cylinder from first principles takes its place, as declared in [model.cylinder]; dimensions that are not stated there are fitted from the values of the FMU pneumatic-cylinder on, and are among the corrections.";
+
+/// A cylinder in place of the declared actuator.
+pub struct Moving {
+    /// The declared model with the cylinder.
+    pub model: Model,
+    /// Its dimensions as fitted to the pressure force, where they are not as declared.
+    pub dimensions: Option<Fit>,
+}
 
 /// The declared model with the cylinder in place of its actuator, where the pressure force contradicts the actuator and
-/// the cylinder is clearly better.
+/// the cylinder is clearly better than any single effect of the actuator.
 ///
-/// The motion is not asked: a missing effect of the mechanics spoils it with either actuator.
-pub fn with_cylinder<S: System + ?Sized>(search: &Search<S>, declared: &Model) -> Option<Model> {
+/// The motion is not asked: a missing effect of the mechanics spoils it with either actuator. `dimensions`: those of the
+/// cylinder that may be off.
+pub fn with_cylinder<S: System + ?Sized>(
+    coupled: &Coupled,
+    search: &Search<S>,
+    declared: &Model,
+    dimensions: &[Free],
+) -> Option<Moving> {
     let left = |model: &Model| model.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, left)| *left);
-    if left(declared)? < search.null.quantile + MARGIN {
+    let limit = search.null.quantile + MARGIN;
+    if left(declared)? < limit {
         return None;
     }
     let mut p = declared.fit.parameters.clone();
     p[CYLINDER] = 1.0;
-    let found = search.fit(&[], &[], &p, &declared.fit.locals, 5);
-    (left(&found)? < MAX_ERROR_RATIO * left(declared)?).then_some(found)
-}
-
-/// Corrections that the cylinder knows: those of the declared actuator mean nothing to it.
-pub fn without_actuator(corrections: &[Free]) -> Vec<Free> {
-    corrections
-        .iter()
-        .filter(|f| ![D_ACT_GAIN, D_ACT_DECAY, D_ACT_TURN].contains(&f.index))
-        .copied()
-        .collect()
+    let as_declared = search.fit(&[], &[], &p, &declared.fit.locals, 5);
+    if left(&as_declared)? < limit {
+        return Some(Moving { model: as_declared, dimensions: None });
+    }
+    let (system, records) = (coupled.pressure_force(), search.records.clone());
+    let locals = vec![Vec::new(); records.len()];
+    let own: Vec<Candidate> = search.candidates.iter().filter(|c| c.channel == "actuator").cloned().collect();
+    let null = Null::simulate(&system, &records, &p, &locals, DRAWS, 1);
+    let (screened, rules) = (search.screened.clone(), Rules::default());
+    let actuator = Search { system: &system, candidates: &own, records, screened, null, rules };
+    let price = actuator.penalty();
+    let beyond = |fit: &Fit| (fit.chi2 / price.exp() - 1.0).max(0.0);
+    let alone = |p: &[f64]| actuator.fit(&[], &[], p, &locals, 1);
+    let with_effect = |alone: Model| {
+        let limit = actuator.null.quantile + MARGIN;
+        let singles = attempt(&actuator, &alone, &actuator.screen(&alone), FITTED, limit);
+        singles.into_iter().chain([alone]).min_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2))
+    };
+    let stated = alone(&p);
+    if beyond(&stated.fit) < MAX_EXCESS_AS_DECLARED {
+        return Some(Moving { model: as_declared, dimensions: None });
+    }
+    // An effect in front of a cylinder that is as declared would also move its dimensions.
+    let single = match left(&as_declared)? < MAX_ERROR_RATIO * left(declared)? {
+        true => with_effect(stated),
+        false => None,
+    };
+    if single.as_ref().is_some_and(|single| beyond(&single.fit) < MAX_EXCESS_AS_DECLARED) {
+        return Some(Moving { model: as_declared, dimensions: None });
+    }
+    let dimensions = fit(&system, &actuator.records, &p, dimensions, &locals, ROUNDS);
+    let criterion = |fit: &Fit, parameters: usize| fit.chi2 + price * parameters as f64;
+    let fitted = criterion(&dimensions, dimensions.free.len());
+    if single.is_some_and(|single| criterion(&single.fit, single.size(&own)) < fitted) {
+        return Some(Moving { model: as_declared, dimensions: None });
+    }
+    if beyond(&dimensions) > MAX_ERROR_RATIO * beyond(&with_effect(alone(&declared.fit.parameters))?.fit) {
+        return None;
+    }
+    let model = search.fit(&[], &[], &dimensions.parameters, &declared.fit.locals, 5);
+    Some(Moving { model, dimensions: Some(dimensions) })
 }
 
 /// Says in the answer that the cylinder took the place of the declared actuator. That alone is no effect: without one
@@ -55,10 +112,12 @@ pub fn tell(answer: &mut Answer) {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
-    use crate::case::Actuator;
-    use crate::engine::goodness::Null;
-    use crate::engine::search::Rules;
+    use crate::case::{Actuator, Kind};
+    use crate::rig::catalog::{Scope, candidates};
+    use crate::rig::corrections::{Correction, corrections};
     use crate::rig::parameters::{GAIN, POLE_COULOMB, neutral};
     use crate::rig::testing::rig;
 
@@ -75,17 +134,24 @@ mod tests {
         };
         let rig = rig(actuator, 1200, noises, values);
         let locals = vec![vec![0.0, 0.0]; 2];
+        let signals = noises.iter().map(|(name, _)| *name).collect();
+        let (kind, positions) = (Kind::Cartpole, (-0.05, 0.05));
+        let scope = Scope { declared: &rig.declared, kind, signals, command: 40.0, positions };
+        let candidates = candidates(&scope);
+        let corrections = corrections(&scope, &BTreeMap::new());
+        let free: Vec<Free> =
+            corrections.iter().filter(|own| own.of_cylinder()).map(Correction::exact).collect();
         let null = Null::simulate(&rig, &[0, 1], &neutral(), &locals, 40, 1);
         let search = Search {
             system: &rig,
-            candidates: &[],
+            candidates: &candidates,
             records: vec![0, 1],
             screened: vec![0, 1],
             null,
             rules: Rules::default(),
         };
         let declared = search.fit(&[], &[], &neutral(), &locals, 5);
-        with_cylinder(&search, &declared).is_some()
+        with_cylinder(&rig, &search, &declared, &free).is_some()
     }
 
     #[test]

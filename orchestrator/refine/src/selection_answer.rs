@@ -45,8 +45,7 @@ pub fn select_by_share(
     let rules = settings.forward_selection;
     let place = |id: &str| rig.candidates.iter().position(|c| c.id == id);
     let corrections: Vec<question::Correction> = rig
-        .corrections
-        .iter()
+        .known(&declared.fit.parameters)
         .filter_map(|own| {
             Some(question::Correction {
                 free: own.bounded(rules.max_tolerances)?,
@@ -119,8 +118,8 @@ pub fn withdraw_small_shares(rig: &Rig, settings: &Settings, found: &mut Answer)
 /// Puts the law of the residual into an answer that names nothing.
 pub fn explain_by_law(rig: &Rig, settings: &Settings, found: &mut Answer) {
     let rules = settings.forward_selection;
-    let corrected: Vec<Free> =
-        rig.corrections.iter().filter_map(|own| own.bounded(rules.max_tolerances)).collect();
+    let known = rig.known(&found.parameters[0]);
+    let corrected: Vec<Free> = known.filter_map(|own| own.bounded(rules.max_tolerances)).collect();
     law::explain(rig, &units(rig), &corrected, found);
 }
 

@@ -1,5 +1,6 @@
 """Makes cases for the study of `airloop refine`: records of the rig with undeclared effects, alone, in pairs, outside
-the vocabulary, with few sensors, with declared parameters off, on the first-principles actuator, and controls.
+the vocabulary, with few sensors, with declared parameters off, on the first-principles actuator and on such actuators of
+other dimensions, and controls.
 
 Independent of the library: the rig is that of rig.py. The strength of an effect is drawn, not its parameters: the
 largest rms error of windowed predictions of the declared model (0.5 s from the true state, the actuator running on), in
@@ -14,7 +15,7 @@ import re
 import numpy as np
 
 from effects import EFFECTS, OUTSIDE, channel, draw, scaled
-from rig import A1, B0, B1, DECLARED, N, TS, simulate, sweep
+from rig import A1, B0, B1, CYLINDER, DECLARED, N, TS, identified, simulate, sweep
 
 ARX_FP = ([[-1.013602, 0.027052], [-0.032284, -0.95853]], [0.225645, -0.162456], [-0.213883, 0.168954])
 UNITS = {"F_hat": 0.3, "F_p": 0.3, "x": 2e-3, "theta": 1e-2}
@@ -69,13 +70,21 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def cylinders(cases, count):
+    """Dimensions of the cylinders of all cases [cases * count]; none where the actuator is the declared one."""
+    if not cases[0].get("fp"):
+        return None
+    own = lambda c, name: c.get("dimensions", CYLINDER)[name]
+    return {name: np.repeat([own(c, name) for c in cases], count) for name in CYLINDER}
+
+
 def run(cases, effects_of, trials, samples=None):
     """Simulates some trials of all cases: states and signals [samples, cases * trials]."""
     lanes = [{e: p for e, p, s in effects_of(c) if s is None} for c in cases for _ in trials]
     pick = lambda key, axis: np.concatenate([np.take(c[key], trials, axis=axis) for c in cases], axis=axis)
     plant = {k: np.repeat([c["plant"][k] for c in cases], len(trials)) for k in DECLARED}
     return simulate(lanes, pick("ff", 0)[:, :samples], pick("x0", 0), pick("th0", 0), plant, pick("noise_x", 1),
-                    firstprinciples=bool(cases[0].get("fp")), fixed=cases[0]["kind"] == "actuator"), plant
+                    cylinder=cylinders(cases, len(trials)), fixed=cases[0]["kind"] == "actuator"), plant
 
 
 def strengths(cases, effects_of, coupled=(0,)):
@@ -86,7 +95,7 @@ def strengths(cases, effects_of, coupled=(0,)):
     zero = np.zeros(len(cases) * count)
     u = truth["u"].T
     declared = simulate([{} for _ in zero], u, zero, zero, plant, np.zeros_like(truth["u"]), centring=0.0,
-                        firstprinciples=bool(cases[0].get("fp")), restart=truth["states"], fixed=cases[0]["kind"] == "actuator")
+                        cylinder=cylinders(cases, count), restart=truth["states"], fixed=cases[0]["kind"] == "actuator")
     found = []
     for i, c in enumerate(cases):
         lanes = slice(count * i, count * (i + 1))
@@ -128,7 +137,7 @@ def write(folder, c, files, data):
     target.mkdir(parents=True, exist_ok=True)
     text = [f'id = "{c["name"]}"', f'kind = "{c["kind"]}"', "sample_rate_hz = 1000"]
     if c["kind"] != "friction":
-        a, b0, b1 = ARX_FP if c.get("fp") else (A1, B0, B1)
+        a, b0, b1 = c.get("arx", ARX_FP if c.get("fp") else (A1, B0, B1))
         text += ["", "# y = [F_hat, F_p]: y(k) + A1 y(k-1) = B0 u(k) + B1 u(k-1); F_p here is the rod-fixed force, before piston friction",
                  "[model.actuator]", "sample_time = 0.001", f"A1 = {np.asarray(a).tolist()}",
                  f"B0 = {np.asarray(b0).tolist()}", f"B1 = {np.asarray(b1).tolist()}"]
@@ -150,7 +159,7 @@ def write(folder, c, files, data):
         np.savetxt(target / f"{name}.csv", np.array(columns).T, fmt=formats, delimiter=",",
                    header=",".join(["time", *c["signals"]]), comments="")
     (target / "case.toml").write_text("\n".join(text) + "\n")
-    verdict = {"control": "none", "outside": "unexplained", "messy_control": "unexplained"}.get(c["cls"], "effect")
+    verdict = {"control": "none", "outside": "unexplained", "messy_control": "unexplained", "other cylinder, control": "unexplained"}.get(c["cls"], "effect")
     lines = [f'class = "{c["cls"]}"', f'verdict = "{verdict}"', f"strengths = {[round(float(s), 2) for s in c['strengths']]}"]
     lines += [f"{k} = {v}" for k, v in c.get("figures", {}).items()]
     for effect, params, signal in c["effects"] if verdict == "effect" else []:
@@ -206,6 +215,21 @@ def specification(rng):
         add(f"p_{effect}", "parameters off", [(effect, None)], off=True)
     for effect in rng.choice(own, 10, replace=False):
         add(f"b_{effect}", "first principles", [(effect, None)], fp=True)
+    return cases
+
+
+def other_cylinders(rng):
+    """Cases on cylinders that nobody declares: a quarter more or less of every dimension, and what a fixed rod shows of them."""
+    own = [e for e in EFFECTS if not e.startswith("sensor.")]
+    cases = []
+    for i, effect in enumerate([*rng.choice(own, 16, replace=False), None, None, None, None]):
+        dimensions = {name: value * float(np.exp(0.25 * rng.uniform(-1.0, 1.0))) for name, value in CYLINDER.items()}
+        dimensions["eta"] = float(rng.uniform(0.92, 0.99))
+        dimensions["tdelay"] = round(dimensions["tdelay"], 4)
+        cases.append(dict(name=f"k{i:02d}_{effect or 'none'}", cls="other cylinder" if effect else "other cylinder, control", kind="cartpole",
+                          strengths=list(rng.uniform(*STRENGTH, 1)), fp=True, dimensions=dimensions, channel=None if effect else "actuator",
+                          effects=[(effect, draw(rng, EFFECTS[effect]), None)] if effect else [], arx=identified(dimensions, chirps_and_stairs(rng)),
+                          figures=dimensions))
     return cases
 
 
@@ -273,7 +297,7 @@ def make_sweep(folder, c):
 
 def make_runs(folder, cases):
     """Coupled and rod-fixed cases of one length and plant."""
-    if not cases[0].get("fp"):
+    if not cases[0].get("fp") or cases[0].get("dimensions"):
         calibrate([c for c in cases if c["effects"]])
     count = len(cases[0]["ff"])
     out, _ = run(cases, lambda c: c["effects"], list(range(count)))
@@ -297,12 +321,17 @@ def main():
     everything = specification(rng)
     for c in everything:
         prepare(c, rng)
+    others = np.random.default_rng([args.seed, 1])
+    everything += other_cylinders(others)
+    for c in everything[-20:]:
+        prepare(c, others)
     chosen = [c for c in everything if re.search(args.only, c["name"])]
     for c in chosen:
         if c["kind"] == "friction":
             make_sweep(args.folder, c)
-    for kind, fp in (("actuator", False), ("cartpole", False), ("cartpole", True)):
-        cases = [c for c in chosen if c["kind"] == kind and bool(c.get("fp")) == fp]
+    group = lambda c: (c["kind"], bool(c.get("fp")), "dimensions" in c)
+    for own in sorted({group(c) for c in chosen if c["kind"] != "friction"}):
+        cases = [c for c in chosen if group(c) == own]
         for start in range(0, len(cases), 40):
             make_runs(args.folder, cases[start:start + 40])
 

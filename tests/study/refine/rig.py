@@ -35,10 +35,11 @@ class Lanes:
         return np.array([effect in e for e in self.effects])
 
 
-def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centring=55.0, restart=None, window=500,
+def simulate(effects, ff, x0, th0, plant, noise_x, cylinder=None, centring=55.0, restart=None, window=500,
              fixed=False):
     """All trials at once. effects: list of {effect: parameters}; ff [lanes, N]; plant: dict of arrays [lanes].
 
+    `cylinder`: dimensions of a cylinder from first principles [lanes], as in `Pneumatic`; none: the declared actuator.
     `fixed`: the rod does not move. `restart`: states [N, 6, lanes] that the mechanics are set to every `window` samples, the actuator running on.
     """
     p, n = Lanes(effects), len(effects)
@@ -116,7 +117,7 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
     U = np.zeros((ff.shape[1] + 64, n))
     out = {name: np.zeros((ff.shape[1], n)) for name in ("u", "F_hat", "F_p", "x", "theta")}
     out["states"] = np.zeros((ff.shape[1], 6, n))
-    fp = Pneumatic(n) if firstprinciples else None
+    fp = None if cylinder is None else Pneumatic(n, cylinder)
     lanes = np.arange(n)
     for i in range(ff.shape[1]):
         if restart is not None and i % window == 0:
@@ -173,17 +174,28 @@ def simulate(effects, ff, x0, th0, plant, noise_x, firstprinciples=False, centri
     return out
 
 
-class Pneumatic:
-    """Two chambers behind pressure valves and tubes (the first-principles actuator of the rig description)."""
+# Dimensions of the cylinder of the rig, SI units, as in the FMU pneumatic-cylinder.
+CYLINDER = {"bore": 0.020, "rod": 0.008, "stroke": 0.300, "dead": 2e-6, "psup": 0.5e6, "Avmax": 3e-6, "Kp": 8e-6, "vhys": 1500.0,
+            "Vt": 9e-6, "At": 1.4e-6, "tdelay": 0.003, "eta": 0.955}
 
-    def __init__(self, n):
-        self.S = np.pi / 4 * np.array([0.02**2, 0.02**2 - 0.008**2])[:, None] * np.ones((2, n))
-        self.pa, self.ps = 101325.0, 0.5e6 + 101325.0
-        self.feq = 0.25e6 * self.S.sum(0) / 2
+
+class Pneumatic:
+    """Two chambers behind pressure valves and tubes (the first-principles actuator of the rig description).
+
+    `dimensions`: arrays [n] by the names of CYLINDER; what is left out is as there.
+    """
+
+    def __init__(self, n, dimensions=None):
+        k = self.k = {name: np.asarray((dimensions or {}).get(name, value)) * np.ones(n) for name, value in CYLINDER.items()}
+        self.S = np.pi / 4 * np.array([k["bore"]**2, k["bore"]**2 - k["rod"]**2])
+        self.pa, self.ps = 101325.0, k["psup"] + 101325.0
+        self.feq = 0.5 * k["psup"] * self.S.sum(0) / 2
         self.p = self.feq / self.S + self.pa
         self.pv, self.c, self.play = self.p.copy(), self.p.copy(), self.p.copy()
         self.q, self.s, self.w = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
-        self.line = [np.zeros((2, n)) for _ in range(29)]  # what enters in this step leaves after 30
+        # Flows that entered the tubes, in steps of 0.1 ms; what enters in this step leaves after the delay.
+        self.steps = np.round(k["tdelay"] * 1e4).astype(int)
+        self.line, self.at, self.lanes = np.zeros((self.steps.max() + 1, 2, n)), 0, np.arange(n)
 
     @staticmethod
     def psi(a, b):
@@ -195,49 +207,67 @@ class Pneumatic:
         return np.sign(a - b) * hi / np.sqrt(293.0) * flow
 
     def command(self, u):
-        half = np.array([0.5, -0.5])[:, None] * u
+        half, play = np.array([0.5, -0.5])[:, None] * u, self.k["vhys"]
         target = np.clip((self.feq + half) / self.S + self.pa, self.pa, self.ps)
-        self.play = np.minimum(np.maximum(self.play, target - 1500.0), target + 1500.0)
+        self.play = np.minimum(np.maximum(self.play, target - play), target + play)
 
     def rates(self, y, delayed, x, v):
         """Time derivatives of filtered command, integrator, spool, its rate, port and chamber pressure; flow into the tubes."""
         c, q, s, w, pv, p = y
-        V = np.array([2e-6 + self.S[0] * (0.15 + x), 2e-6 + self.S[1] * (0.15 - x)])
+        k = self.k
+        V = np.array([k["dead"] + self.S[0] * (k["stroke"] / 2 + x), k["dead"] + self.S[1] * (k["stroke"] / 2 - x)])
         dV = np.array([self.S[0] * v, -self.S[1] * v])
         RT, ws = 287.0 * 293.0, 2 * np.pi * 70
         e = c - pv
         o = np.where(s > 0.02, np.minimum(1, s - 0.02), np.where(s < -0.02, np.maximum(-1, s + 0.02), 0.0))
-        mv = np.where(o >= 0, 0.8 * 3e-6 * o * self.psi(self.ps, pv), -0.8 * 3e-6 * np.abs(o) * self.psi(pv, self.pa))
-        mt = 0.8 * 1.4e-6 * self.psi(pv, p)
+        full = 0.8 * k["Avmax"]
+        mv = np.where(o >= 0, full * o * self.psi(self.ps, pv), -full * np.abs(o) * self.psi(pv, self.pa))
+        mt = 0.8 * k["At"] * self.psi(pv, p)
         a = np.where(delayed > 0, 1.4, 1.0)
         leak = 0.010e-6 * self.psi(p, p[::-1])
         return np.array([
             (self.play - c) / 0.0015,
             np.where(np.abs(q + 1e-4 * e * 1e-3) >= 0.3, 0.0, 1e-4 * e),
             w,
-            ws**2 * (np.clip(8e-6 * e + q, -1, 1) - s) - 2 * 0.7 * ws * w,
-            1.2 * RT * (mv - mt) / 9e-6,
+            ws**2 * (np.clip(k["Kp"] * e + q, -1, 1) - s) - 2 * 0.7 * ws * w,
+            1.2 * RT * (mv - mt) / k["Vt"],
             (RT * (a * delayed - leak) - 1.2 * p * dV) / V,
         ]), mt
 
     def advance(self, x, v, h):
         """One Runge-Kutta step of order 4; motion and the flow out of the tubes are held over it."""
-        delayed = self.line.pop(0)
+        size = len(self.line)
+        # The line is a ring: what stands `steps` places back leaves, and what enters overwrites the oldest.
+        delayed = self.line[(self.at - self.steps) % size, :, self.lanes].T
         y = np.array([self.c, self.q, self.s, self.w, self.pv, self.p])
         k1, first = self.rates(y, delayed, x, v)
         k2, _ = self.rates(y + h / 2 * k1, delayed, x, v)
         k3, _ = self.rates(y + h / 2 * k2, delayed, x, v)
         k4, _ = self.rates(y + h * k3, delayed, x, v)
         self.c, self.q, self.s, self.w, self.pv, self.p = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        self.line.append(first)
+        self.line[self.at % size] = first
+        self.at += 1
 
     def f_hat(self):
         return self.S[0] * (self.pv[0] - self.pa) - self.S[1] * (self.pv[1] - self.pa)
 
     def force(self):
-        return 0.955 * (self.S[0] * (self.p[0] - self.pa) - self.S[1] * (self.p[1] - self.pa))
+        return self.k["eta"] * (self.S[0] * (self.p[0] - self.pa) - self.S[1] * (self.p[1] - self.pa))
 
 
+def identified(dimensions, u):
+    """A1, B0, B1 by least squares from the forces of a cylinder whose rod is fixed, under the commands `u` [records, N]."""
+    cylinder = Pneumatic(len(u), {name: np.full(len(u), value) for name, value in dimensions.items()})
+    y = np.zeros((u.shape[1], 2, len(u)))
+    for i in range(u.shape[1]):
+        cylinder.command(u[:, i])
+        y[i] = cylinder.f_hat(), cylinder.force()
+        for _ in range(10):
+            cylinder.advance(0.0, 0.0, TS / 10)
+    now, before = y[1:], y[:-1]
+    columns = np.array([before[:, 0].ravel(), before[:, 1].ravel(), u.T[1:].ravel(), u.T[:-1].ravel()]).T
+    found = np.linalg.lstsq(columns, np.array([now[:, 0].ravel(), now[:, 1].ravel()]).T, rcond=None)[0].T
+    return np.round(-found[:, :2], 6), np.round(found[:, 2], 6), np.round(found[:, 3], 6)
 
 
 def sweep(effects, plant, cart, draw, n=7000):

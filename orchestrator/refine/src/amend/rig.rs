@@ -42,6 +42,8 @@ fn corrected(declared: &Declared, answer: &Answer) -> Declared {
             scale(value, &format!("{name}.c{}", index + 1));
         }
     }
+    let own = model.cylinder.cylinder();
+    model.cylinder = own.map(|name, value| Some(value * (1.0 + share(&format!("cylinder.{name}")))));
     if let Some(body) = &mut model.cart_pole {
         for (value, name) in
             [(&mut body.m_c, "m_c"), (&mut body.m_p, "m_p"), (&mut body.l, "l"), (&mut body.b_p, "b_p")]
@@ -94,8 +96,8 @@ fn actuator(model: &Actuator) -> Part {
 
 /// The cylinder under the name of the actuator whose place it takes.
 fn moving(k: &Cylinder, sample_time: f64) -> Part {
-    let mut values = k.named().map(|(name, value)| (name.to_owned(), value)).to_vec();
-    values.push(("sample_time".into(), sample_time));
+    let named = k.named().into_iter().map(|(name, value)| (name.to_owned(), value));
+    let values: Vec<(String, f64)> = named.chain([("sample_time".to_owned(), sample_time)]).collect();
     Part {
         name: "actuator".into(),
         template: "pneumatic-cylinder",
@@ -122,7 +124,7 @@ fn cart_pole(model: &Declared, selected: &[&Effect], cylinder: bool, law: Option
     let body = model.cart_pole.clone().unwrap_or_default();
     let sample_time = model.actuator.as_ref().map_or(1e-3, |actuator| actuator.sample_time);
     match &model.actuator {
-        _ if cylinder => network.add(moving(&model.cylinder.unwrap_or_default(), sample_time)),
+        _ if cylinder => network.add(moving(&model.cylinder.cylinder(), sample_time)),
         Some(own) => network.add(actuator(own)),
         None => {}
     }

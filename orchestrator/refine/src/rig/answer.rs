@@ -6,7 +6,7 @@ use super::open::Rig;
 use super::replay::{MAX_FALL_AT_REVERSALS, left, proposals};
 use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict, errors, fit_locals};
 use crate::engine::candidate::Candidate;
-use crate::engine::fit::Free;
+use crate::engine::fit::{Fit, Free};
 use crate::engine::goodness::Null;
 use crate::engine::search::{Model, Promise, Rules, Search};
 use crate::engine::select::{
@@ -15,7 +15,7 @@ use crate::engine::select::{
 use crate::engine::{System, stop};
 use crate::explained;
 use crate::interval;
-use crate::moving::{self, with_cylinder, without_actuator};
+use crate::moving::{self, Moving, with_cylinder};
 use crate::selection_answer;
 use crate::watch::{Listener, Watched};
 
@@ -40,10 +40,15 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let search =
         Search { system, candidates: &rig.candidates, records, screened, null, rules: Rules::default() };
     let declared = search.fit(&[], &[], &fit.parameters, &fit.locals, 5);
-    let effort = Effort { max_effects: settings.max_effects, ..Effort::default() };
-    let cylinder = rig.coupled.as_ref().and_then(|_| with_cylinder(&search, &declared));
+    let dimensions: Vec<Free> =
+        rig.corrections.iter().filter(|own| own.of_cylinder()).map(corrections::Correction::exact).collect();
+    let cylinder = rig.coupled.as_ref().and_then(|rig| with_cylinder(rig, &search, &declared, &dimensions));
+    // Dimensions that were fitted are near those of the cylinder, but effects show beside corrections of them alone.
+    let fitted = cylinder.as_ref().is_some_and(|cylinder| cylinder.dimensions.is_some());
+    let usual = Effort { max_effects: settings.max_effects, ..Effort::default() };
+    let effort = if fitted { Effort { singles: 0, climbed: 0, pairs: (0, 0), ..usual } } else { usual };
     let proposed = || {
-        let Some(coupled) = &rig.coupled else { return Vec::new() };
+        let Some(coupled) = rig.coupled.as_ref().filter(|_| !fitted) else { return Vec::new() };
         let (groups, neutral) = (numbered(groups), super::parameters::neutral());
         let places: Vec<usize> = (0..rig.candidates.len()).filter(|&c| behind(&rig.candidates[c])).collect();
         let own: Vec<Candidate> = places.iter().map(|&c| rig.candidates[c].clone()).collect();
@@ -57,14 +62,12 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         );
         found
     };
-    let exact: Vec<Free> = rig.corrections.iter().map(corrections::Correction::exact).collect();
+    let base = cylinder.as_ref().map_or(&declared, |cylinder| &cylinder.model);
+    let exact: Vec<Free> = rig.known(&base.fit.parameters).map(corrections::Correction::exact).collect();
     // What is left of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
-    let selection = match &cylinder {
-        Some(moving) => select(&search, moving.clone(), &without_actuator(&exact), effort, &proposed),
-        None => select(&search, declared.clone(), &exact, effort, &proposed),
-    };
-    let mut found = assemble(rig, &search, &declared, &selection);
+    let selection = select(&search, base.clone(), &exact, effort, &proposed);
+    let mut found = assemble(rig, &search, (&declared, cylinder.as_ref()), &selection);
     if cylinder.is_some() && selection.explained {
         moving::tell(&mut found);
     }
@@ -239,8 +242,14 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
     }
 }
 
-/// `stated`: the declared model with the declared actuator, which errors are compared with.
-fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selection: &Selection) -> Answer {
+/// `stated`: the declared model with the declared actuator, which errors are compared with; `cylinder`: what takes its
+/// place.
+fn assemble(
+    rig: &Rig,
+    search: &Search<dyn System + '_>,
+    (stated, cylinder): (&Model, Option<&Moving>),
+    selection: &Selection,
+) -> Answer {
     let system = rig.system.as_ref();
     let penalty = search.penalty();
     let criterion = |model: &Model| model.fit.chi2 + penalty * model.size(search.candidates) as f64;
@@ -308,19 +317,20 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selecti
         seen.push(promise.candidate);
         effects.push(screened(own, promise, (declared, best), penalty));
     }
-    let corrections: Vec<Correction> = if selection.stage == Stage::Corrected {
-        let deviations = |index: usize| {
-            let a = best.fit.free.iter().position(|f| f.index == index)?;
-            Some(best.fit.covariance[(a, a)].max(0.0).sqrt())
-        };
-        let one = |own: &corrections::Correction| {
-            let index = own.entry.index;
-            deviations(index).map(|sd| Correction::new(own, best.fit.parameters[index], sd))
-        };
-        rig.corrections.iter().filter_map(one).collect()
-    } else {
-        Vec::new()
+    let fitted = match (selection.stage, cylinder) {
+        (Stage::Corrected, _) => Some(&best.fit),
+        (_, Some(cylinder)) if verdict != Verdict::Unexplained => cylinder.dimensions.as_ref(),
+        _ => None,
     };
+    let deviation = |fit: &Fit, index: usize| {
+        let a = fit.free.iter().position(|f| f.index == index)?;
+        Some(fit.covariance[(a, a)].max(0.0).sqrt())
+    };
+    let one = |own: &corrections::Correction| {
+        let index = own.entry.index;
+        Some(Correction::new(own, best.fit.parameters[index], deviation(fitted?, index)?))
+    };
+    let corrections: Vec<Correction> = rig.corrections.iter().filter_map(one).collect();
     let after_parameters =
         if verdict == Verdict::Unexplained { &stated.fit.parameters } else { &best.fit.parameters };
     let validation: Vec<usize> = (0..system.records()).filter(|&r| !system.estimation(r)).collect();
@@ -341,7 +351,7 @@ fn assemble(rig: &Rig, search: &Search<dyn System + '_>, stated: &Model, selecti
         })
         .collect();
     let mut notes = Vec::new();
-    if selection.stage == Stage::Corrected {
+    if selection.stage == Stage::Corrected && cylinder.is_none() {
         notes.push("The declared parameters are off by about a percent; they were corrected within that, which is no missing effect.".into());
     }
     Answer {

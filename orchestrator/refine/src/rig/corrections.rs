@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::catalog::{Scope, free};
+use super::dimensions;
 use super::parameters::*;
 use crate::case::{Declared, Friction, Kind};
 use crate::engine::fit::Free;
@@ -30,6 +31,11 @@ const fn entry(
     Entry { path, index, tolerance: Some(tolerance), effect }
 }
 
+/// A dimension of the cylinder that takes the place of a declared actuator; see [`dimensions`] for its tolerance.
+const fn dimension(path: &'static str, index: usize) -> Entry {
+    Entry { path, index, tolerance: None, effect: None }
+}
+
 /// Path of the bias of the cart friction, whose tolerance counts from the Coulomb level beside it.
 const BIAS: &str = "cart_friction.c5";
 
@@ -49,6 +55,18 @@ pub const TABLE: &[Entry] = &[
     entry("cart_pole.m_p", D_M_P, 0.01, None),
     entry("cart_pole.l", D_L, 0.01, Some(("pole.length", "delta"))),
     entry("cart_pole.b_p", D_B_P, 0.03, Some(("pole.viscous", "coef"))),
+    dimension("cylinder.bore", D_CYL_BORE),
+    dimension("cylinder.rod", D_CYL_ROD),
+    dimension("cylinder.stroke", D_CYL_STROKE),
+    dimension("cylinder.dead", D_CYL_DEAD),
+    dimension("cylinder.psup", D_CYL_PSUP),
+    dimension("cylinder.Avmax", D_CYL_AVMAX),
+    dimension("cylinder.Kp", D_CYL_KP),
+    dimension("cylinder.vhys", D_CYL_VHYS),
+    dimension("cylinder.Vt", D_CYL_VT),
+    dimension("cylinder.At", D_CYL_AT),
+    dimension("cylinder.tdelay", D_CYL_TDELAY),
+    dimension("cylinder.eta", D_CYL_ETA),
 ];
 
 /// Standard deviation of declared parameters where records are explained to the noise and the case states none.
@@ -73,9 +91,27 @@ impl Correction {
         [D_ACT_DECAY, D_ACT_TURN].contains(&self.entry.index)
     }
 
+    /// Whether it is a dimension of the cylinder that takes the place of the declared actuator.
+    pub fn of_cylinder(&self) -> bool {
+        self.component() == "cylinder"
+    }
+
+    /// Whether the actuator of the parameter vector `p`, the declared one or a cylinder, knows it.
+    pub fn is_known(&self, p: &[f64]) -> bool {
+        match self.component() {
+            "actuator" => p[CYLINDER] == 0.0,
+            "cylinder" => p[CYLINDER] != 0.0,
+            _ => true,
+        }
+    }
+
     /// Free parameter of a search that explains the records to the noise.
     pub fn exact(&self) -> Free {
-        let share = if self.absolute() { self.tolerance.unwrap_or(1e-4) } else { DECLARED_SHARE };
+        let share = match self.tolerance {
+            Some(own) if self.absolute() || self.of_cylinder() => own,
+            _ if self.absolute() => 1e-4,
+            _ => DECLARED_SHARE,
+        };
         let prior = if self.stated { self.tolerance.unwrap_or(share) } else { share };
         Free { prior: Some(prior), ..free(self.entry.index) }
     }
@@ -123,6 +159,10 @@ fn declared(model: &Declared, path: &str) -> Option<f64> {
                 _ => spread,
             }
         }
+        "cylinder" => {
+            let named = model.cylinder.cylinder().named();
+            named.into_iter().find(|(name, _)| *name == parameter)?.1
+        }
         "piston_friction" => friction(model.piston_friction.as_ref()?, parameter),
         "cart_friction" => friction(model.cart_friction.as_ref()?, parameter),
         _ => {
@@ -151,9 +191,12 @@ pub fn corrections(scope: &Scope, stated: &BTreeMap<String, f64>) -> Vec<Correct
         let declared = declared(scope.declared, entry.path)?;
         let own = stated.get(entry.path).copied();
         let level = scope.declared.cart_friction.as_ref().map_or(0.0, |c| c.c1);
-        let usual = entry.tolerance.map(|own| {
-            if entry.path == BIAS && declared != 0.0 { own * (level / declared).abs() } else { own }
-        });
+        let usual = match entry.path.strip_prefix("cylinder.") {
+            Some(name) => Some(dimensions::tolerance(&scope.declared.cylinder, name)),
+            None => entry.tolerance.map(|own| {
+                if entry.path == BIAS && declared != 0.0 { own * (level / declared).abs() } else { own }
+            }),
+        };
         let stated = own.is_some();
         Some(Correction { entry: *entry, declared, tolerance: own.or(usual), stated })
     };

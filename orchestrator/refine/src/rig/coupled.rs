@@ -3,8 +3,9 @@
 use std::array::from_fn;
 use std::sync::Arc;
 
-use super::cylinder::Chambers;
-use super::driven::Driven;
+use super::cylinder::{Chambers, Cylinder};
+use super::dimensions;
+use super::driven::{Driven, Feeling};
 use super::extra::{Extra, Place};
 use super::lanes::Lanes;
 use super::parameters::*;
@@ -104,7 +105,7 @@ impl<'a> Running<'a> {
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn simulate<const L: usize>(
     terms: &[ActuatorTerms; L],
-    chambers: Option<&Chambers>,
+    chambers: Option<&Chambers<L>>,
     plant: &Mechanics<L>,
     u: [&[f64]; L],
     dt: f64,
@@ -156,7 +157,7 @@ fn simulate<const L: usize>(
         }
         for _ in 0..substeps {
             s = match &mut cylinder {
-                Some(cylinder) => cylinder.step(&plant, &s, p, lost),
+                Some(cylinder) => cylinder.step(&s, &Feeling { plant: &plant, p, lost }),
                 None => plant.step(&s, f_act, p, none, h),
             };
         }
@@ -180,7 +181,9 @@ pub struct Coupled {
     /// Declared actuator.
     pub actuator: Actuator,
     /// Cylinder that takes its place where the parameter vector says so.
-    pub cylinder: Chambers,
+    pub cylinder: Cylinder,
+    /// Time \[s\] after which it and the mechanics of the rig exchange force and motion.
+    pub exchange: f64,
     /// Records.
     pub trials: Vec<Trial>,
     /// A law that the vocabulary does not have; its parameters stand behind those of the rig.
@@ -195,6 +198,11 @@ impl Coupled {
     fn actuator_terms(&self, p: &[f64]) -> ActuatorTerms {
         let extra = self.extra.as_ref().map(|extra| (Arc::clone(extra), p[TABLE.len()..].to_vec()));
         ActuatorTerms { extra, ..actuator(&self.actuator, p) }
+    }
+
+    /// The cylinders for parameter vectors.
+    fn chambers<const L: usize>(&self, p: [&[f64]; L]) -> Chambers<L> {
+        Chambers::new(&p.map(|p| dimensions::corrected(&self.cylinder, p)), self.exchange)
     }
 
     /// Predicted signals of up to [`SIDE_BY_SIDE`] jobs, without sensor effects.
@@ -212,7 +220,6 @@ impl Coupled {
         if jobs.iter().any(|job| moving(job) != cylinder) {
             return jobs.iter().flat_map(|job| self.simulate(std::slice::from_ref(job))).collect();
         }
-        let cylinder = cylinder.then_some(&self.cylinder);
         // Idle lanes repeat the last job, over no samples.
         let job = |i: usize| &jobs[i.min(jobs.len() - 1)];
         let mut plant: Mechanics<SIDE_BY_SIDE> =
@@ -221,6 +228,7 @@ impl Coupled {
             let own = from_fn(|i| job(i).parameters[TABLE.len()..].to_vec());
             plant.extra = Some((Arc::clone(extra), own));
         }
+        let cylinder = cylinder.then(|| self.chambers(from_fn(|i| &job(i).parameters[..])));
         let start = [0, 1].map(|j| Lanes(from_fn(|i| job(i).locals.get(j).copied().unwrap_or(0.0))));
         let u = from_fn(|i| jobs.get(i).map_or(&[][..], |job| &self.trials[job.record].u[..]));
         let terms = from_fn(|i| self.actuator_terms(&job(i).parameters));
@@ -229,8 +237,15 @@ impl Coupled {
             restart.map_or(Vec::new(), |restart| restart.states(&job(i).parameters))
         });
         let every = jobs.iter().find_map(|job| Some(self.trials[job.record].restart.as_ref()?.every));
-        let mut found =
-            Vec::from(simulate(&terms, cylinder, &plant, u, dt, start, (every.unwrap_or(0), &windows)));
+        let mut found = Vec::from(simulate(
+            &terms,
+            cylinder.as_ref(),
+            &plant,
+            u,
+            dt,
+            start,
+            (every.unwrap_or(0), &windows),
+        ));
         found.truncate(jobs.len());
         found
     }
@@ -313,7 +328,8 @@ impl System for Coupled {
         Some(Box::new(Coupled {
             declared: self.declared.clone(),
             actuator: self.actuator.clone(),
-            cylinder: self.cylinder.clone(),
+            cylinder: self.cylinder,
+            exchange: self.exchange,
             trials: self.trials.iter().map(cut).collect(),
             extra: self.extra.clone(),
         }))
@@ -362,7 +378,7 @@ impl System for Coupled {
 mod tests {
     use super::*;
     use crate::case::{CartPole, Friction};
-    use crate::rig::cylinder::Cylinder;
+    use crate::rig::cylinder::EXCHANGE;
     use crate::rig::parameters::neutral;
 
     fn rig() -> Coupled {
@@ -379,8 +395,9 @@ mod tests {
             let u = (0..n).map(|k| 30.0 * (0.02 * k as f64).sin()).collect();
             Trial { u, measured: measured.into(), estimation: true, fixed: false, restart: None }
         };
-        let cylinder = Chambers::new(&Cylinder::default());
-        Coupled { declared, actuator, cylinder, trials: vec![trial(300), trial(200)], extra: None }
+        let cylinder = Cylinder::default();
+        let trials = vec![trial(300), trial(200)];
+        Coupled { declared, actuator, cylinder, exchange: EXCHANGE, trials, extra: None }
     }
 
     #[test]

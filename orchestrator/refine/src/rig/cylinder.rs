@@ -5,132 +5,121 @@
 //! that moving records contradict. The equations are those of the FMU `pneumatic-cylinder`, written for several
 //! simulations side by side; a test compares the two.
 
+use std::sync::LazyLock;
+
 use serde::Deserialize;
 
 use super::lanes::{Lanes, each};
 
-/// Parameters of cylinder, valves and tubes, SI units, named as those of the FMU `pneumatic-cylinder`; what a case does
-/// not state is the value of that FMU.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-#[allow(non_snake_case, reason = "names of the FMU")]
-pub struct Cylinder {
-    /// Bore \[m\].
-    pub bore: f64,
-    /// Diameter of the rod \[m\].
-    pub rod: f64,
-    /// Stroke \[m\].
-    pub stroke: f64,
-    /// Dead volume of a chamber \[m3\].
-    pub dead: f64,
-    /// Supply pressure, gauge \[Pa\].
-    pub psup: f64,
-    /// Ambient pressure \[Pa\].
-    pub patm: f64,
-    /// Temperature \[K\].
-    pub T: f64,
-    /// Gas constant \[J/(kg K)\].
-    pub R: f64,
-    /// Heat-transfer exponent of inflow.
-    pub kin: f64,
-    /// Heat-transfer exponent of outflow.
-    pub kout: f64,
-    /// Heat-transfer exponent of volume work.
-    pub kv: f64,
-    /// Discharge coefficient.
-    pub Cd: f64,
-    /// Opening of a valve \[m2\].
-    pub Avmax: f64,
-    /// Overlap of a spool, as a share of its travel.
-    pub overlap: f64,
-    /// Natural frequency of a spool \[rad/s\].
-    pub ws: f64,
-    /// Damping of a spool.
-    pub zs: f64,
-    /// Proportional gain of the pressure controller \[1/Pa\].
-    pub Kp: f64,
-    /// Integral gain \[1/(Pa s)\].
-    pub Ki: f64,
-    /// Time constant of the command filter \[s\].
-    pub tau_cmd: f64,
-    /// Half width of the play on the pressure commands \[Pa\].
-    pub vhys: f64,
-    /// Volume of tube and valve port \[m3\].
-    pub Vt: f64,
-    /// Orifice that the tube is worth \[m2\].
-    pub At: f64,
-    /// Transport delay of the tube \[s\].
-    pub tdelay: f64,
-    /// Leak past the piston \[m2\].
-    pub leak: f64,
-    /// Share of the pressure force that reaches the rod.
-    pub eta: f64,
+macro_rules! parameters {
+    ($($(#[$doc:meta])* $name:ident = $value:expr;)*) => {
+        /// Parameters of cylinder, valves and tubes, SI units, named as those of the FMU `pneumatic-cylinder`.
+        #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[allow(non_snake_case, reason = "names of the FMU")]
+        pub struct Parameters<V> {
+            $($(#[$doc])* pub $name: V,)*
+        }
+
+        impl<V: Copy> Parameters<V> {
+            /// Every parameter by its name.
+            pub fn map<W>(&self, of: impl Fn(&'static str, V) -> W) -> Parameters<W> {
+                Parameters { $($name: of(stringify!($name), self.$name),)* }
+            }
+
+            /// Parameters by their name in the FMU.
+            pub fn named(&self) -> Vec<(&'static str, V)> {
+                vec![$((stringify!($name), self.$name),)*]
+            }
+        }
+
+        impl Default for Parameters<f64> {
+            fn default() -> Self {
+                Parameters { $($name: $value,)* }
+            }
+        }
+
+        impl Default for Parameters<Option<f64>> {
+            fn default() -> Self {
+                Parameters { $($name: None,)* }
+            }
+        }
+
+        impl<const L: usize> Parameters<Lanes<L>> {
+            /// Puts a cylinder into lane `i`.
+            fn set_lane(&mut self, i: usize, own: &Cylinder) {
+                $(self.$name.0[i] = own.$name;)*
+            }
+        }
+
+        impl Parameters<Option<f64>> {
+            /// The cylinder; what is not stated is the value of the FMU.
+            pub fn cylinder(&self) -> Cylinder {
+                Parameters { $($name: self.$name.unwrap_or($value),)* }
+            }
+        }
+    };
 }
 
-impl Default for Cylinder {
-    fn default() -> Cylinder {
-        Cylinder {
-            bore: 0.020,
-            rod: 0.008,
-            stroke: 0.300,
-            dead: 2e-6,
-            psup: 0.5e6,
-            patm: 101_325.0,
-            T: 293.0,
-            R: 287.0,
-            kin: 1.4,
-            kout: 1.0,
-            kv: 1.2,
-            Cd: 0.8,
-            Avmax: 3e-6,
-            overlap: 0.02,
-            ws: std::f64::consts::TAU * 70.0,
-            zs: 0.7,
-            Kp: 8e-6,
-            Ki: 1e-4,
-            tau_cmd: 0.0015,
-            vhys: 1500.0,
-            Vt: 9e-6,
-            At: 1.4e-6,
-            tdelay: 0.003,
-            leak: 1e-8,
-            eta: 0.955,
-        }
-    }
+parameters! {
+    /// Bore \[m\].
+    bore = 0.020;
+    /// Diameter of the rod \[m\].
+    rod = 0.008;
+    /// Stroke \[m\].
+    stroke = 0.300;
+    /// Dead volume of a chamber \[m3\].
+    dead = 2e-6;
+    /// Supply pressure, gauge \[Pa\].
+    psup = 0.5e6;
+    /// Ambient pressure \[Pa\].
+    patm = 101_325.0;
+    /// Temperature \[K\].
+    T = 293.0;
+    /// Gas constant \[J/(kg K)\].
+    R = 287.0;
+    /// Heat-transfer exponent of inflow.
+    kin = 1.4;
+    /// Heat-transfer exponent of outflow.
+    kout = 1.0;
+    /// Heat-transfer exponent of volume work.
+    kv = 1.2;
+    /// Discharge coefficient.
+    Cd = 0.8;
+    /// Opening of a valve \[m2\].
+    Avmax = 3e-6;
+    /// Overlap of a spool, as a share of its travel.
+    overlap = 0.02;
+    /// Natural frequency of a spool \[rad/s\].
+    ws = std::f64::consts::TAU * 70.0;
+    /// Damping of a spool.
+    zs = 0.7;
+    /// Proportional gain of the pressure controller \[1/Pa\].
+    Kp = 8e-6;
+    /// Integral gain \[1/(Pa s)\].
+    Ki = 1e-4;
+    /// Time constant of the command filter \[s\].
+    tau_cmd = 0.0015;
+    /// Half width of the play on the pressure commands \[Pa\].
+    vhys = 1500.0;
+    /// Volume of tube and valve port \[m3\].
+    Vt = 9e-6;
+    /// Orifice that the tube is worth \[m2\].
+    At = 1.4e-6;
+    /// Transport delay of the tube \[s\].
+    tdelay = 0.003;
+    /// Leak past the piston \[m2\].
+    leak = 1e-8;
+    /// Share of the pressure force that reaches the rod.
+    eta = 0.955;
 }
+
+/// A cylinder: a number for every parameter.
+pub type Cylinder = Parameters<f64>;
+/// What a case states of its cylinder.
+pub type Stated = Parameters<Option<f64>>;
 
 impl Cylinder {
-    /// Parameters by their name in the FMU.
-    pub fn named(&self) -> [(&'static str, f64); 25] {
-        [
-            ("bore", self.bore),
-            ("rod", self.rod),
-            ("stroke", self.stroke),
-            ("dead", self.dead),
-            ("psup", self.psup),
-            ("patm", self.patm),
-            ("T", self.T),
-            ("R", self.R),
-            ("kin", self.kin),
-            ("kout", self.kout),
-            ("kv", self.kv),
-            ("Cd", self.Cd),
-            ("Avmax", self.Avmax),
-            ("overlap", self.overlap),
-            ("ws", self.ws),
-            ("zs", self.zs),
-            ("Kp", self.Kp),
-            ("Ki", self.Ki),
-            ("tau_cmd", self.tau_cmd),
-            ("vhys", self.vhys),
-            ("Vt", self.Vt),
-            ("At", self.At),
-            ("tdelay", self.tdelay),
-            ("leak", self.leak),
-            ("eta", self.eta),
-        ]
-    }
-
     /// The first parameter that makes no sense, with what would.
     ///
     /// # Errors
@@ -151,8 +140,8 @@ impl Cylinder {
     }
 }
 
-/// Usual [`Chambers::exchange`]: the substep of the FMU.
-const EXCHANGE: f64 = 1e-4;
+/// Usual time \[s\] after which cylinder and mechanics of the rig exchange force and motion: the substep of the FMU.
+pub const EXCHANGE: f64 = 1e-4;
 /// Polytropic exponent of the air in a valve port.
 const PORT_EXPONENT: f64 = 1.2;
 /// Bound on the integrator of a valve, and the time \[s\] that it looks ahead.
@@ -169,23 +158,37 @@ fn curve(ratio: f64) -> f64 {
     FLOW.1 * ratio.powf(1.0 / 1.4) * (1.0 - ratio.powf(0.4 / 1.4)).sqrt()
 }
 
-/// Coefficients of the equations, computed from the parameters once for each simulation.
+/// Square of [`curve`] over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVE_RATIO`], lowest power
+/// first.
+static SQUARED: LazyLock<[f64; TERMS]> = LazyLock::new(|| {
+    // Interpolation at Chebyshev nodes: the function is smooth, twelve terms leave some 1e-11 of it.
+    let node = |j: usize| (std::f64::consts::PI * (j as f64 + 0.5) / TERMS as f64).cos();
+    let ratio = |s: f64| 0.5 * (CURVE_RATIO.0 + CURVE_RATIO.1 + (CURVE_RATIO.1 - CURVE_RATIO.0) * s);
+    let matrix = nalgebra::DMatrix::from_fn(TERMS, TERMS, |j, power| node(j).powi(power as i32));
+    let values = nalgebra::DVector::from_fn(TERMS, |j, _| {
+        let r = ratio(node(j));
+        curve(r).powi(2) / (1.0 - r)
+    });
+    let found = matrix.lu().solve(&values).unwrap_or_else(|| nalgebra::DVector::zeros(TERMS));
+    std::array::from_fn(|i| found[i])
+});
+
+/// Coefficients of the equations of several cylinders, computed from the parameters once for each simulation.
 #[derive(Debug, Clone)]
-pub struct Chambers {
-    k: Cylinder,
+pub struct Chambers<const L: usize> {
+    k: Parameters<Lanes<L>>,
     /// Time \[s\] after which cylinder and mechanics of the rig exchange force and motion.
-    pub exchange: f64,
+    exchange: f64,
     /// Piston areas \[m2\].
-    area: [f64; 2],
+    area: [Lanes<L>; 2],
     /// Force of either side at rest \[N\].
-    bias: f64,
-    /// Square of the curve over 1 - ratio, as a polynomial of the ratio from -1 to 1 over [`CURVE_RATIO`], lowest power
-    /// first.
+    bias: Lanes<L>,
+    /// Coefficients of [`SQUARED`].
     squared: [f64; TERMS],
     /// Flow over 1 - ratio above the curve.
     linear: f64,
     /// Factor of all flows \[1/sqrt(K)\] times the root of the gas constant over 287.
-    factor: f64,
+    factor: Lanes<L>,
 }
 
 /// States of one side: filtered command \[Pa\], integrator, spool, its rate \[1/s\], pressure of port and chamber
@@ -201,54 +204,55 @@ pub struct Rates<const L: usize> {
 }
 
 #[inline(always)]
-fn clamp<const L: usize>(value: Lanes<L>, low: f64, high: f64) -> Lanes<L> {
+fn clamp<const L: usize>(value: Lanes<L>, low: Lanes<L>, high: Lanes<L>) -> Lanes<L> {
     each(|i| {
-        let value = if value.0[i] < low { low } else { value.0[i] };
-        if value > high { high } else { value }
+        let value = if value.0[i] < low.0[i] { low.0[i] } else { value.0[i] };
+        if value > high.0[i] { high.0[i] } else { value }
     })
 }
 
-impl Chambers {
-    /// Resolves the parameters.
-    pub fn new(k: &Cylinder) -> Chambers {
-        let whole = std::f64::consts::FRAC_PI_4 * k.bore * k.bore;
-        let area = [whole, whole - std::f64::consts::FRAC_PI_4 * k.rod * k.rod];
-        // Interpolation at Chebyshev nodes: the function is smooth, twelve terms leave some 1e-11 of it.
-        let node = |j: usize| (std::f64::consts::PI * (j as f64 + 0.5) / TERMS as f64).cos();
-        let ratio = |s: f64| 0.5 * (CURVE_RATIO.0 + CURVE_RATIO.1 + (CURVE_RATIO.1 - CURVE_RATIO.0) * s);
-        let matrix = nalgebra::DMatrix::from_fn(TERMS, TERMS, |j, power| node(j).powi(power as i32));
-        let values = nalgebra::DVector::from_fn(TERMS, |j, _| {
-            let r = ratio(node(j));
-            curve(r).powi(2) / (1.0 - r)
-        });
-        let found = matrix.lu().solve(&values).unwrap_or_else(|| nalgebra::DVector::zeros(TERMS));
+impl<const L: usize> Chambers<L> {
+    /// Resolves the parameters of each cylinder; `exchange`: time \[s\] after which cylinder and mechanics of the rig
+    /// exchange force and motion.
+    pub fn new(cylinders: &[Cylinder; L], exchange: f64) -> Chambers<L> {
+        let mut k = Cylinder::default().map(|_, _| Lanes::<L>::default());
+        for (i, own) in cylinders.iter().enumerate() {
+            k.set_lane(i, own);
+        }
+        let quarter = std::f64::consts::FRAC_PI_4;
+        let area = [k.bore * k.bore * quarter, (k.bore * k.bore - k.rod * k.rod) * quarter];
         Chambers {
-            k: *k,
-            exchange: EXCHANGE,
+            k,
+            exchange,
             area,
-            bias: 0.25 * k.psup * (area[0] + area[1]),
-            squared: std::array::from_fn(|i| found[i]),
+            bias: k.psup * (area[0] + area[1]) * 0.25,
+            squared: *SQUARED,
             linear: curve(CURVE_RATIO.1) / (1.0 - CURVE_RATIO.1),
-            factor: (287.0 / k.R).sqrt() / k.T.sqrt(),
+            factor: each(|i| (287.0 / k.R.0[i]).sqrt() / k.T.0[i].sqrt()),
         }
     }
 
+    /// Time \[s\] after which force and motion are exchanged.
+    pub fn exchange(&self) -> f64 {
+        self.exchange
+    }
+
     /// Delay of the tubes \[s\].
-    pub fn delay(&self) -> f64 {
+    pub fn delay(&self) -> Lanes<L> {
         self.k.tdelay
     }
 
     /// Pressures of the chambers and ports at rest, all else zero.
-    pub fn rest<const L: usize>(&self) -> [Side<L>; 2] {
+    pub fn rest(&self) -> [Side<L>; 2] {
         self.area.map(|area| {
-            let p = Lanes::all(self.bias / area + self.k.patm);
+            let p = self.bias / area + self.k.patm;
             [p, Lanes::default(), Lanes::default(), Lanes::default(), p, p]
         })
     }
 
     /// Pressure commands \[Pa\] behind their play, from the force command `u` \[N\], paper eq. 3.
     #[inline(always)]
-    pub fn command<const L: usize>(&self, u: Lanes<L>, play: &mut [Lanes<L>; 2]) {
+    pub fn command(&self, u: Lanes<L>, play: &mut [Lanes<L>; 2]) {
         for (i, own) in play.iter_mut().enumerate() {
             let half = u * [0.5, -0.5][i];
             let target = (half + self.bias) / self.area[i] + self.k.patm;
@@ -260,15 +264,15 @@ impl Chambers {
 
     /// Flow of air through an orifice per area \[kg/(s m2)\], from pressure `a` to `b` \[Pa\].
     #[inline(always)]
-    fn flow<const L: usize>(&self, a: Lanes<L>, b: Lanes<L>) -> Lanes<L> {
+    fn flow(&self, a: Lanes<L>, b: Lanes<L>) -> Lanes<L> {
         let high: Lanes<L> = each(|i| if a.0[i] > b.0[i] { a.0[i] } else { b.0[i] });
         let low: Lanes<L> = each(|i| if a.0[i] > b.0[i] { b.0[i] } else { a.0[i] });
         let ratio = low / high;
         let rest = Lanes::all(1.0) - ratio;
         let s = clamp(
             (ratio * 2.0 - (CURVE_RATIO.0 + CURVE_RATIO.1)) / (CURVE_RATIO.1 - CURVE_RATIO.0),
-            -1.0,
-            1.0,
+            Lanes::all(-1.0),
+            Lanes::all(1.0),
         );
         let mut squared = Lanes::all(self.squared[TERMS - 1]);
         for &term in self.squared[..TERMS - 1].iter().rev() {
@@ -279,7 +283,7 @@ impl Chambers {
             let curved = squared.0[i].abs().sqrt();
             let value = if ratio.0[i] >= CURVE_RATIO.1 { self.linear * rest.0[i] } else { curved };
             let value = if ratio.0[i] <= CURVE_RATIO.0 { FLOW.0 } else { value };
-            let value = value * high.0[i] * self.factor;
+            let value = value * high.0[i] * self.factor.0[i];
             if a.0[i] < b.0[i] { -value } else { value }
         })
     }
@@ -287,7 +291,7 @@ impl Chambers {
     /// Rates under the pressure commands `play` \[Pa\], the flows `delayed` \[kg/s\] that leave the tubes, and the
     /// motion of the piston \[m, m/s\].
     #[inline(always)]
-    pub fn rates<const L: usize>(
+    pub fn rates(
         &self,
         sides: &[Side<L>; 2],
         play: &[Lanes<L>; 2],
@@ -295,33 +299,34 @@ impl Chambers {
         (x, v): (Lanes<L>, Lanes<L>),
     ) -> Rates<L> {
         let k = &self.k;
-        let heat = k.R * k.T;
+        let (heat, one) = (k.R * k.T, Lanes::all(1.0));
         let leak = self.flow(sides[0][5], sides[1][5]) * (k.kout * k.leak);
         let mut rates = Rates { states: [[Lanes::default(); 6]; 2], tubes: [Lanes::default(); 2] };
         for i in 0..2 {
             let [c, q, s, rate, port, p] = sides[i];
             let sign = [1.0, -1.0][i];
             let error = c - port;
-            let spool = clamp(error * k.Kp + q, -1.0, 1.0);
+            let spool = clamp(error * k.Kp + q, -one, one);
             let integral = error * k.Ki;
             let ahead = q + integral * INTEGRATOR.1;
             let integral = each(|i| if ahead.0[i].abs() >= INTEGRATOR.0 { 0.0 } else { integral.0[i] });
-            let open = clamp(s - clamp(s, -k.overlap, k.overlap), -1.0, 1.0);
-            let from = each(|i| if open.0[i] >= 0.0 { k.psup + k.patm } else { port.0[i] });
-            let to = each(|i| if open.0[i] >= 0.0 { port.0[i] } else { k.patm });
+            let open = clamp(s - clamp(s, -k.overlap, k.overlap), -one, one);
+            let from = each(|i| if open.0[i] >= 0.0 { k.psup.0[i] + k.patm.0[i] } else { port.0[i] });
+            let to = each(|i| if open.0[i] >= 0.0 { port.0[i] } else { k.patm.0[i] });
             let valve = self.flow(from, to) * open * (k.Cd * k.Avmax);
             let tube = self.flow(port, p) * (k.Cd * k.At);
             // At the end of the stroke the dead volume remains.
-            let gap = x * sign + 0.5 * k.stroke;
+            let gap = x * sign + k.stroke * 0.5;
             let volume = gap.where_positive(gap) * self.area[i] + k.dead;
-            let inflow = each(|j| if delayed[i].0[j] > 0.0 { k.kin } else { k.kout } * delayed[i].0[j]);
+            let inflow =
+                each(|j| if delayed[i].0[j] > 0.0 { k.kin.0[j] } else { k.kout.0[j] } * delayed[i].0[j]);
             let work = p * v * (k.kv * self.area[i] * sign);
             rates.states[i] = [
                 (play[i] - c) / k.tau_cmd,
                 integral,
                 rate,
-                (spool - s) * (k.ws * k.ws) - rate * (2.0 * k.zs * k.ws),
-                (valve - tube) * (PORT_EXPONENT * heat / k.Vt),
+                (spool - s) * (k.ws * k.ws) - rate * (k.zs * k.ws * 2.0),
+                (valve - tube) * (heat * PORT_EXPONENT / k.Vt),
                 ((inflow - leak * sign) * heat - work) / volume,
             ];
             rates.tubes[i] = tube;
@@ -331,20 +336,20 @@ impl Chambers {
 
     /// Force of the pressures at the valve ports \[N\], eq. 5.
     #[inline(always)]
-    pub fn port_force<const L: usize>(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
+    pub fn port_force(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
         (sides[0][4] - self.k.patm) * self.area[0] - (sides[1][4] - self.k.patm) * self.area[1]
     }
 
     /// Force on the piston \[N\].
     #[inline(always)]
-    pub fn piston_force<const L: usize>(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
+    pub fn piston_force(&self, sides: &[Side<L>; 2]) -> Lanes<L> {
         let force = (sides[0][5] - self.k.patm) * self.area[0] - (sides[1][5] - self.k.patm) * self.area[1];
         force * self.k.eta
     }
 
     /// Rate of the force on the piston \[N/s\].
     #[inline(always)]
-    pub fn piston_force_rate<const L: usize>(&self, rates: &Rates<L>) -> Lanes<L> {
+    pub fn piston_force_rate(&self, rates: &Rates<L>) -> Lanes<L> {
         (rates.states[0][5] * self.area[0] - rates.states[1][5] * self.area[1]) * self.k.eta
     }
 }
@@ -355,7 +360,7 @@ mod tests {
 
     #[test]
     fn the_flow_follows_its_law_in_all_three_ranges_both_ways() {
-        let air = Chambers::new(&Cylinder::default());
+        let air = Chambers::new(&[Cylinder::default(); 2], EXCHANGE);
         let (p, root) = (3e5, 293f64.sqrt());
         for ratio in [0.3, 0.52, 0.53, 0.6, 0.75, 0.9, 0.98, 0.994, 0.996, 0.9995] {
             let flow = match ratio {
@@ -373,8 +378,8 @@ mod tests {
     #[test]
     fn a_cylinder_at_rest_only_leaks() {
         let k = Cylinder { leak: 0.0, ..Cylinder::default() };
-        let chambers = Chambers::new(&k);
-        let sides = chambers.rest::<1>();
+        let chambers = Chambers::new(&[k], EXCHANGE);
+        let sides = chambers.rest();
         let play = [sides[0][0], sides[1][0]];
         let motion = (Lanes([0.02]), Lanes([0.0]));
         let rates = chambers.rates(&sides, &play, &[Lanes::default(); 2], motion);
@@ -385,8 +390,8 @@ mod tests {
     #[test]
     fn a_closed_chamber_follows_its_polytrope() {
         // No flow at all: p V^kv stays, so p' = -kv p V'/V.
-        let chambers = Chambers::new(&Cylinder { leak: 0.0, At: 0.0, ..Cylinder::default() });
-        let sides = chambers.rest::<1>();
+        let chambers = Chambers::new(&[Cylinder { leak: 0.0, At: 0.0, ..Cylinder::default() }], EXCHANGE);
+        let sides = chambers.rest();
         let play = [sides[0][0], sides[1][0]];
         let (x, v) = (0.03, 0.4);
         let rates = chambers.rates(&sides, &play, &[Lanes::default(); 2], (Lanes([x]), Lanes([v])));

@@ -3,7 +3,7 @@
 use super::catalog::{Scope, candidates};
 use super::corrections::{Correction, corrections};
 use super::coupled::{Coupled, Trial};
-use super::cylinder::Chambers;
+use super::cylinder::EXCHANGE;
 use super::motion::skew;
 use super::record::Measured;
 use super::sense::Reach;
@@ -30,6 +30,13 @@ pub struct Rig {
     pub reach: Reach,
     /// Effects of the vocabulary that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
+}
+
+impl Rig {
+    /// Corrections that the actuator of the parameter vector `p` knows, the declared one or a cylinder.
+    pub fn known<'a>(&'a self, p: &'a [f64]) -> impl Iterator<Item = &'a Correction> {
+        self.corrections.iter().filter(|own| own.is_known(p))
+    }
 }
 
 fn values<'a>(records: impl Iterator<Item = &'a TimeSeries>, name: &str) -> (f64, f64) {
@@ -77,8 +84,8 @@ pub fn coupled(case: &Case, actuator: Actuator) -> Result<Coupled, Error> {
         let (estimation, fixed) = (file.role == Role::Estimation, declaration.kind == Kind::Actuator);
         trials.push(Trial { u: u.values.clone(), measured, estimation, fixed, restart: None });
     }
-    let cylinder = Chambers::new(&declaration.model.cylinder.unwrap_or_default());
-    Ok(Coupled { declared: declaration.model.clone(), actuator, cylinder, trials, extra: None })
+    let (declared, cylinder) = (declaration.model.clone(), declaration.model.cylinder.cylinder());
+    Ok(Coupled { declared, actuator, cylinder, exchange: EXCHANGE, trials, extra: None })
 }
 
 /// Friction sweeps.

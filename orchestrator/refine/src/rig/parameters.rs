@@ -108,6 +108,18 @@ parameters! {
     D_M_P "declared.m_p" "1" 0.0, -0.5, 1.0, 0.01;
     D_L "declared.l" "1" 0.0, -0.5, 1.0, 0.003;
     D_B_P "declared.b_p" "1" 0.0, -0.9, 3.0, 0.03;
+    D_CYL_BORE "declared.cylinder.bore" "1" 0.0, -0.5, 1.0, 0.01;
+    D_CYL_ROD "declared.cylinder.rod" "1" 0.0, -0.5, 0.5, 0.01;
+    D_CYL_STROKE "declared.cylinder.stroke" "1" 0.0, -0.5, 1.0, 0.01;
+    D_CYL_DEAD "declared.cylinder.dead" "1" 0.0, -0.8, 3.0, 0.03;
+    D_CYL_PSUP "declared.cylinder.psup" "1" 0.0, -0.5, 1.0, 0.01;
+    D_CYL_AVMAX "declared.cylinder.Avmax" "1" 0.0, -0.8, 3.0, 0.01;
+    D_CYL_KP "declared.cylinder.Kp" "1" 0.0, -0.8, 3.0, 0.01;
+    D_CYL_VHYS "declared.cylinder.vhys" "1" 0.0, -0.9, 3.0, 0.03;
+    D_CYL_VT "declared.cylinder.Vt" "1" 0.0, -0.8, 3.0, 0.01;
+    D_CYL_AT "declared.cylinder.At" "1" 0.0, -0.8, 3.0, 0.01;
+    D_CYL_TDELAY "declared.cylinder.tdelay" "1" 0.0, -0.9, 3.0, 0.01;
+    D_CYL_ETA "declared.cylinder.eta" "1" 0.0, -0.3, 0.1, 0.01;
 }
 
 /// The parameter vector of the declared model: every entry neutral.

@@ -1,7 +1,7 @@
 //! A rig with records of its own for tests: the simulated sensor signals of a rig with some effects, noise included.
 
 use super::coupled::{Coupled, Trial};
-use super::cylinder::{Chambers, Cylinder};
+use super::cylinder::{Cylinder, EXCHANGE};
 use super::parameters::neutral;
 use super::record::Measured;
 use crate::case::{Actuator, CartPole, Declared, Friction};
@@ -25,9 +25,8 @@ pub fn rig(actuator: Actuator, n: usize, noises: &[(&str, f64)], values: &[(usiz
         let measured = noises.iter().map(|&(name, noise)| Measured::new(name, vec![0.0; n], noise)).collect();
         Trial { u, measured, estimation: true, fixed: false, restart: None }
     };
-    let cylinder = Chambers::new(&Cylinder::default());
-    let mut rig =
-        Coupled { declared, actuator, cylinder, trials: (0..RECORDS).map(trial).collect(), extra: None };
+    let (cylinder, trials) = (Cylinder::default(), (0..RECORDS).map(trial).collect());
+    let mut rig = Coupled { declared, actuator, cylinder, exchange: EXCHANGE, trials, extra: None };
     let mut p = neutral();
     values.iter().for_each(|&(index, value)| p[index] = value);
     for r in 0..RECORDS {

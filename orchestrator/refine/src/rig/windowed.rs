@@ -9,6 +9,8 @@ use super::parameters::{OFFSET_THETA, SENSOR_DELAY_THETA, SENSOR_DELAY_X, SENSOR
 
 /// Length of a window \[s\].
 pub const WINDOW: f64 = 0.5;
+/// Length of a window in which a missing force moves the piston by too little to change the pressures \[s\].
+const WINDOW_OF_MEASURED_MOTION: f64 = 0.02;
 /// Half widths of the parabolas through position and angle \[s\].
 const HALF_WIDTHS: [f64; 2] = [0.012, 0.025];
 
@@ -26,10 +28,11 @@ pub struct Restart {
 }
 
 impl Restart {
-    /// Of a trial with position and angle, sampled every `dt` \[s\]; `None` where one is missing.
-    fn new(trial: &Trial, dt: f64) -> Option<Restart> {
+    /// Windows of the length `window` \[s\] of a trial with position and angle, sampled every `dt` \[s\]; `None` where one
+    /// is missing.
+    fn new(trial: &Trial, window: f64, dt: f64) -> Option<Restart> {
         let signal = |name: &str| trial.measured.iter().find(|m| m.name == name).map(|m| m.values.clone());
-        let every = (WINDOW / dt).round().max(1.0) as usize;
+        let every = (window / dt).round().max(1.0) as usize;
         Some(Restart { every, measured: [signal("x")?, signal("theta")?], dt, sensors: None })
     }
 
@@ -79,9 +82,24 @@ fn parabola(values: &[f64], k: usize, half: usize, dt: f64) -> [f64; 3] {
 impl Coupled {
     /// The same records predicted in windows; those with the rod fixed as they are.
     pub fn windowed(&self) -> Coupled {
+        self.windowed_over(WINDOW)
+    }
+
+    /// The same records predicted in windows of a length \[s\].
+    fn windowed_over(&self, window: f64) -> Coupled {
         let mut found = self.clone();
         for trial in found.trials.iter_mut().filter(|trial| !trial.fixed) {
-            trial.restart = Restart::new(trial, self.actuator.sample_time);
+            trial.restart = Restart::new(trial, window, self.actuator.sample_time);
+        }
+        found
+    }
+
+    /// The pressure force alone, in windows so short that the piston moves as it was measured, whatever the mechanics
+    /// lack.
+    pub fn pressure_force(&self) -> Coupled {
+        let mut found = self.windowed_over(WINDOW_OF_MEASURED_MOTION);
+        for trial in &mut found.trials {
+            trial.measured.retain(|m| m.name == "F_hat");
         }
         found
     }
