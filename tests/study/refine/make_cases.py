@@ -20,6 +20,8 @@ from rig import A1, B0, B1, CYLINDER, DECLARED, N, TS, identified, simulate, swe
 ARX_FP = ([[-1.013602, 0.027052], [-0.032284, -0.95853]], [0.225645, -0.162456], [-0.213883, 0.168954])
 UNITS = {"F_hat": 0.3, "F_p": 0.3, "x": 2e-3, "theta": 1e-2}
 STRENGTH = (1.0, 5.0)
+# Motion over the stroke that no trial on another cylinder exceeds: commands that lead there are made smaller.
+MOST_TRAVEL = 0.45
 
 
 def commands(rng, n=N):
@@ -300,7 +302,14 @@ def make_runs(folder, cases):
     if not cases[0].get("fp") or cases[0].get("dimensions"):
         calibrate([c for c in cases if c["effects"]])
     count = len(cases[0]["ff"])
-    out, _ = run(cases, lambda c: c["effects"], list(range(count)))
+    while True:
+        out, _ = run(cases, lambda c: c["effects"], list(range(count)))
+        reached = [np.abs(out["x"][:, count * i:count * (i + 1)]).max() for i in range(len(cases))]
+        beyond = [c for c, x in zip(cases, reached) if "dimensions" in c and not x < MOST_TRAVEL * c["dimensions"]["stroke"]]
+        if not beyond:
+            break
+        for c in beyond:
+            c["ff"] = 0.7 * c["ff"]
     for i, c in enumerate(cases):
         data = sensed({k: v[..., count * i:count * (i + 1)] for k, v in out.items()}, c["effects"])
         write(folder, c, files_of(c), measured(c, data))

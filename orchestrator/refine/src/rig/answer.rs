@@ -43,12 +43,8 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
     let dimensions: Vec<Free> =
         rig.corrections.iter().filter(|own| own.of_cylinder()).map(corrections::Correction::exact).collect();
     let cylinder = rig.coupled.as_ref().and_then(|rig| with_cylinder(rig, &search, &declared, &dimensions));
-    // Dimensions that were fitted are near those of the cylinder, but effects show beside corrections of them alone.
-    let fitted = cylinder.as_ref().is_some_and(|cylinder| cylinder.dimensions.is_some());
-    let usual = Effort { max_effects: settings.max_effects, ..Effort::default() };
-    let effort = if fitted { Effort { singles: 0, climbed: 0, pairs: (0, 0), ..usual } } else { usual };
     let proposed = || {
-        let Some(coupled) = rig.coupled.as_ref().filter(|_| !fitted) else { return Vec::new() };
+        let Some(coupled) = &rig.coupled else { return Vec::new() };
         let (groups, neutral) = (numbered(groups), super::parameters::neutral());
         let places: Vec<usize> = (0..rig.candidates.len()).filter(|&c| behind(&rig.candidates[c])).collect();
         let own: Vec<Candidate> = places.iter().map(|&c| rig.candidates[c].clone()).collect();
@@ -63,10 +59,23 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         found
     };
     let base = cylinder.as_ref().map_or(&declared, |cylinder| &cylinder.model);
-    let exact: Vec<Free> = rig.known(&base.fit.parameters).map(corrections::Correction::exact).collect();
+    let corrections = |dimensions: bool| -> Vec<Free> {
+        let known = rig.known(&base.fit.parameters).filter(|own| dimensions || !own.of_cylinder());
+        known.map(corrections::Correction::exact).collect()
+    };
     // What is left of a limited time is for effects that leave more than noise.
     stop::stage(EXACT_SHARE_OF_TIME);
-    let selection = select(&search, base.clone(), &exact, effort, &proposed);
+    let usual = Effort { max_effects: settings.max_effects, ..Effort::default() };
+    let as_declared = cylinder.as_ref().is_none_or(|cylinder| cylinder.dimensions.is_none());
+    let selection = as_declared.then(|| select(&search, base.clone(), &corrections(false), usual, &proposed));
+    let selection = match selection.filter(|own| own.explained || cylinder.is_none() || stop::asked()) {
+        Some(own) => own,
+        None => {
+            // Beside a cylinder whose dimensions are off, effects show beside corrections of them alone.
+            let effort = Effort { singles: 0, climbed: 0, pairs: (0, 0), ..usual };
+            select(&search, base.clone(), &corrections(true), effort, &Vec::new)
+        }
+    };
     let mut found = assemble(rig, &search, (&declared, cylinder.as_ref()), &selection);
     if cylinder.is_some() && selection.explained {
         moving::tell(&mut found);

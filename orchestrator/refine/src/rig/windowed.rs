@@ -10,7 +10,7 @@ use super::parameters::{OFFSET_THETA, SENSOR_DELAY_THETA, SENSOR_DELAY_X, SENSOR
 /// Length of a window \[s\].
 pub const WINDOW: f64 = 0.5;
 /// Length of a window in which a missing force moves the piston by too little to change the pressures \[s\].
-const WINDOW_OF_MEASURED_MOTION: f64 = 0.02;
+const WINDOW_OF_MEASURED_MOTION: f64 = 0.004;
 /// Half widths of the parabolas through position and angle \[s\].
 const HALF_WIDTHS: [f64; 2] = [0.012, 0.025];
 
