@@ -218,6 +218,16 @@ fn a_cylinder_in_place_of_the_actuator_moves_as_in_the_search() {
     switched_on(own, &mut p);
     let mut answer = answer(vec![effect(own, &p)], Vec::new());
     answer.cylinder = true;
+    for (parameter, index, moved) in [
+        ("bore", parameters::D_CYL_BORE, 0.1),
+        ("Vt", parameters::D_CYL_VT, -0.2),
+        ("At", parameters::D_CYL_AT, 0.3),
+    ] {
+        p[index] = moved;
+        let own = opened.corrections.iter().find(|own| own.entry.index == index).unwrap();
+        answer.corrections.push(Correction::new(own, moved, 0.0));
+        assert_eq!(own.parameter(), parameter);
+    }
     // The monolithic master couples all the time. The FMU holds what leaves a tube over its substeps of 0.1 ms.
     rig.cylinder = Cylinder { tdelay: 0.003_05, ..Cylinder::default() };
     rig.exchange = 0.0;

@@ -85,6 +85,43 @@ fn finds_what_the_pole_lacks_behind_an_actuator_that_does_not_hold_in_motion() {
 }
 
 #[test]
+fn finds_what_the_guide_lacks_behind_a_cylinder_whose_dimensions_nobody_states() {
+    let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/rig/other_cylinder");
+    let folder = tempfile::tempdir().unwrap();
+    let output = refine(&case, folder.path());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let report = report(folder.path());
+    let effects = report["effects"].as_array().unwrap();
+    let selected: Vec<&Value> = effects.iter().filter(|e| e["selected"] == true).collect();
+    assert_eq!(selected.iter().map(|e| &e["id"]).collect::<Vec<_>>(), ["cart.tilt"]);
+    let [low, high] = [0, 1].map(|i| selected[0]["params"]["angle"]["ci95"][i].as_f64().unwrap());
+    // Truth of the generator.
+    assert!(low < -0.027269 && -0.027269 < high && high - low < 2e-4, "{low} {high}");
+    let corrections = report["corrections"].as_array().unwrap();
+    let truth = [
+        ("bore", 0.025664),
+        ("rod", 0.010082),
+        ("stroke", 0.28666),
+        ("psup", 568_750.0),
+        ("Avmax", 3.6404e-6),
+        ("Kp", 8.0182e-6),
+        ("vhys", 1249.1),
+        ("Vt", 1.148e-5),
+        ("At", 1.5713e-6),
+        ("eta", 0.96887),
+    ];
+    for (name, value) in truth {
+        let of = |own: &&Value| own["component"] == "cylinder" && own["parameter"] == name;
+        let found = corrections.iter().find(of).unwrap_or_else(|| panic!("{name}: {corrections:?}"));
+        let error = found["value"].as_f64().unwrap() / value - 1.0;
+        assert!(error.abs() < 0.05, "{name} is off by {error}");
+    }
+    let rms = |signal: &str| report["residual"]["validation"]["rms_after"][signal].as_f64().unwrap();
+    // Noise: 0.3 N, 0.1 mm and 0.44 mrad.
+    assert!(rms("F_hat") < 0.32 && rms("x") < 1.1e-4 && rms("theta") < 4.8e-4);
+}
+
+#[test]
 fn a_cylinder_that_makes_no_sense_is_refused_with_its_parameter() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join("case");

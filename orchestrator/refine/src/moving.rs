@@ -124,7 +124,7 @@ mod tests {
     use crate::case::{Actuator, Kind};
     use crate::rig::catalog::{Scope, candidates};
     use crate::rig::corrections::{Correction, corrections};
-    use crate::rig::parameters::{GAIN, POLE_COULOMB, neutral};
+    use crate::rig::parameters::{D_CYL_AT, D_CYL_BORE, D_CYL_STROKE, D_CYL_VT, GAIN, POLE_COULOMB, neutral};
     use crate::rig::testing::rig;
 
     const ALL: [(&str, f64); 4] = [("F_hat", 0.3), ("F_p", 0.3), ("x", 3e-4), ("theta", 3e-4)];
@@ -164,6 +164,12 @@ mod tests {
     fn the_cylinder_takes_the_place_of_an_actuator_that_moving_records_contradict() {
         assert!(chosen(&[(CYLINDER, 1.0)], &ALL));
         assert!(chosen(&[(CYLINDER, 1.0), (POLE_COULOMB, 3e-3)], &ALL));
+    }
+
+    #[test]
+    fn a_cylinder_of_other_dimensions_takes_its_place_as_well() {
+        let other = [(D_CYL_BORE, 0.2), (D_CYL_STROKE, -0.15), (D_CYL_VT, 0.2), (D_CYL_AT, -0.2)];
+        assert!(chosen(&[&[(CYLINDER, 1.0), (POLE_COULOMB, 3e-3)][..], &other].concat(), &ALL));
     }
 
     #[test]

@@ -72,7 +72,8 @@ pub fn select_by_share(
         screened: exact.screened.clone(),
         folds: folds(&exact.records, groups),
         sense: &|candidate, model| {
-            within_actuator(rig, candidate, model).or_else(|| sense::objection(candidate, model, &rig.reach))
+            within_actuator(rig, candidate, model)
+                .or_else(|| sense::objection(candidate, &model.fit, &rig.reach))
         },
         settings: rules,
         most: settings.max_effects,

@@ -193,8 +193,8 @@ class Pneumatic:
         self.p = self.feq / self.S + self.pa
         self.pv, self.c, self.play = self.p.copy(), self.p.copy(), self.p.copy()
         self.q, self.s, self.w = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
-        # Flows that entered the tubes, in steps of 0.1 ms; what enters in this step leaves after the delay.
-        self.steps = np.round(k["tdelay"] * 1e4).astype(int)
+        # Flows that entered the tubes, in steps of 0.1 ms: what enters at the beginning of this step has left when the delay is over.
+        self.steps = np.round(k["tdelay"] * 1e4).astype(int) - 1
         self.line, self.at, self.lanes = np.zeros((self.steps.max() + 1, 2, n)), 0, np.arange(n)
 
     @staticmethod

@@ -47,8 +47,6 @@ const MAX_LEFT_FOR_SIMPLE_LAWS: f64 = 0.2;
 /// Share of what effects leave that a law may leave to take their place: one that leaves noise, and any other.
 const MAX_OF_EFFECTS_AT_NOISE: f64 = 0.5;
 const MAX_OF_EFFECTS: f64 = 0.3;
-/// Error of a law over that of several effects which only add up to its shape, up to which it takes their place.
-const MAX_OVER_SHAPES: f64 = 1.02;
 /// Share of what a law takes away from which on effects that are terms of it are the answer, and the law a remark.
 const MIN_SHARE_OF_MAIN_TERM: f64 = 0.5;
 /// Share of the error on validation records from which on a law that leaves too much may be one beside effects.
@@ -119,10 +117,8 @@ fn sought(
         return None;
     }
     // What a law may leave that does not explain the records to the noise.
-    let shapes = if partly { shapes_of_one_variable(study, found) } else { None };
-    let most_of_effects = if shapes.is_some() { MAX_OVER_SHAPES } else { MAX_OF_EFFECTS };
     let enough = match partly {
-        true => most_of_effects * scaled(study, scale, &found.after[0]),
+        true => MAX_OF_EFFECTS * scaled(study, scale, &found.after[0]),
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
@@ -141,19 +137,16 @@ fn sought(
     let in_time = law.variables.iter().any(|name| name == "time");
     let near_noise = judge.floors(model.error.powi(2)) < MAX_FLOORS_OF_LAW_IN_TIME;
     let most = law.share >= MIN_SHARE_ABOVE_NOISE && (!in_time || near_noise);
-    let simpler = shapes.is_some_and(|shapes| {
-        law.named && shapes.are_more_than(&law) && 1.0 - law.share < MAX_OVER_SHAPES * left
-    });
     let for_noise = matches!(aim, Aim::Noise { .. });
     if for_noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
         return None;
     }
-    if !complete && !most && !simpler {
+    if !complete && !most {
         let is_part = law.named && law.share >= MIN_SHARE_OF_PART && !for_noise;
         held.part = is_part.then_some(model);
         return None;
     }
-    if partly && !simpler {
+    if partly {
         // Effects of the list stay unless a law leaves much less than they do, or they have not its form.
         let much = if complete { MAX_OF_EFFECTS_AT_NOISE } else { MAX_OF_EFFECTS } * left;
         if !law.named && !complete || 1.0 - law.share > much && !imitated(study, found, &law, aim) {
@@ -211,39 +204,6 @@ pub(super) fn put(
     found.corrections = by_share::corrections_beside(fits.study, model, &found.corrections);
     found.after = after;
     found.parameters[1].clone_from(&model.fit.parameters);
-}
-
-/// Several effects at one port over one and the same variable.
-struct Shapes {
-    port: String,
-    variable: String,
-    parameters: usize,
-}
-
-impl Shapes {
-    /// Whether a law over the same variable at the same port has fewer parameters.
-    fn are_more_than(&self, law: &Law) -> bool {
-        law.port == self.port
-            && law.variables == [&*self.variable]
-            && law.effect.parameters.len() < self.parameters
-    }
-}
-
-/// The effects of an answer, where they are several at one port over one variable: a spring and an end stop follow a
-/// spring that stiffens.
-fn shapes_of_one_variable(study: &Study, found: &Answer) -> Option<Shapes> {
-    let selected: Vec<&Effect> = found.effects.iter().filter(|effect| effect.selected).collect();
-    let all = 0..study.candidates.len();
-    let own: Vec<usize> =
-        all.filter(|&c| selected.iter().any(|effect| study.candidates[c].is(effect))).collect();
-    let (&first, rest) = own.split_first()?;
-    let place = |c: usize| (&study.candidates[c].port, explain::depends(study, c));
-    let (port, variables) = place(first);
-    let &[variable] = &variables[..] else { return None };
-    let alike =
-        !rest.is_empty() && own.len() == selected.len() && rest.iter().all(|&c| place(c) == place(first));
-    let parameters = own.iter().map(|&c| study.candidates[c].entries.len()).sum();
-    alike.then(|| Shapes { port: port.clone(), variable: variable.to_owned(), parameters })
 }
 
 /// Whether the effects of an answer at the port of a law only imitate it: none of them depends on a variable of the

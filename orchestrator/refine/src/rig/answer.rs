@@ -4,6 +4,7 @@ use super::corrections;
 use super::localize::{localize, pair_behind};
 use super::open::Rig;
 use super::replay::{MAX_FALL_AT_REVERSALS, left, proposals};
+use super::sense::objection;
 use crate::answer::{Answer, Correction, Effect, Errors, Settings, Verdict, errors, fit_locals};
 use crate::engine::candidate::Candidate;
 use crate::engine::fit::{Fit, Free};
@@ -73,6 +74,14 @@ pub fn answer(rig: &Rig, groups: &[String], settings: &Settings, listener: Liste
         None => {
             // Beside a cylinder whose dimensions are off, effects show beside corrections of them alone.
             let effort = Effort { singles: 0, climbed: 0, pairs: (0, 0), ..usual };
+            let sense = |added: &[usize], fit: &Fit| {
+                let objection = |&c: &usize| objection(&rig.candidates[c], fit, &rig.reach);
+                added.iter().all(|c| objection(c).is_none())
+            };
+            let (records, screened, null) =
+                (search.records.clone(), search.screened.clone(), search.null.clone());
+            let rules = Rules { sense: Some(&sense), ..Rules::default() };
+            let search = Search { system, candidates: &rig.candidates, records, screened, null, rules };
             select(&search, base.clone(), &corrections(true), effort, &Vec::new)
         }
     };

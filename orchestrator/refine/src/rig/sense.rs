@@ -2,7 +2,7 @@
 
 use super::parameters::*;
 use crate::engine::candidate::Candidate;
-use crate::engine::search::Model;
+use crate::engine::fit::Fit;
 
 /// Motion range of the estimation records.
 #[derive(Debug, Clone, Default)]
@@ -19,8 +19,8 @@ const CONTACT: (f64, f64) = (0.001, 0.35);
 const MAX_SENSOR_GAIN: f64 = 0.5;
 
 /// Why a fitted candidate makes no sense, if it does not.
-pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<String> {
-    let p = &model.fit.parameters;
+pub fn objection(candidate: &Candidate, fit: &Fit, reach: &Reach) -> Option<String> {
+    let p = &fit.parameters;
     let (low, high) =
         (reach.positions.first().copied().unwrap_or(0.0), reach.positions.last().copied().unwrap_or(0.0));
     let travel = high - low;
@@ -55,11 +55,10 @@ pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<
     let own = |index: usize| candidate.free.iter().any(|free| free.index == index);
     // The damping of an end stop may be none.
     let may_be_at_bound = |index: usize| index == STOP_DAMPING;
-    let stuck = model
-        .fit
+    let stuck = fit
         .free
         .iter()
-        .zip(&model.fit.at_bound)
+        .zip(&fit.at_bound)
         .find(|(free, at)| **at && own(free.index) && !may_be_at_bound(free.index));
     stuck.map(|(free, _)| format!("{} ends at a bound", TABLE[free.index].name))
 }
@@ -67,7 +66,6 @@ pub fn objection(candidate: &Candidate, model: &Model, reach: &Reach) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::fit::Fit;
     use crate::rig::catalog::free;
 
     /// Whether a model of one candidate with these values makes no sense on records from 0 to 0.1 m.
@@ -79,12 +77,11 @@ mod tests {
             values.iter().map(|&(i, v)| v <= TABLE[i].bounds.0 || v >= TABLE[i].bounds.1).collect();
         let covariance = nalgebra::DMatrix::zeros(own.len(), own.len());
         let fit = Fit { parameters, free: own.clone(), locals: Vec::new(), chi2: 0.0, covariance, at_bound };
-        let model = Model { added: vec![0], fit, left: Vec::new() };
         let starts = Vec::new();
         let candidate =
             Candidate { id, channel: "c", signal: None, free: own, starts, place: 0, contains: None };
         let positions = (0..1000).map(|k| 1e-4 * f64::from(k)).collect();
-        objection(&candidate, &model, &Reach { positions, speed: 0.5 }).is_some()
+        objection(&candidate, &fit, &Reach { positions, speed: 0.5 }).is_some()
     }
 
     #[test]
