@@ -52,8 +52,8 @@ pub enum Kind {
 pub struct Declared {
     /// Sampled actuator model.
     pub actuator: Option<Actuator>,
-    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; dimensions that are left out are
-    /// fitted from those of the FMU `pneumatic-cylinder` on.
+    /// Cylinder from first principles, for where a moving piston contradicts `actuator`; dimensions that are left out
+    /// are fitted from those of the FMU `pneumatic-cylinder` on.
     pub cylinder: Stated,
     /// Friction between piston and cylinder.
     pub piston_friction: Option<Friction>,

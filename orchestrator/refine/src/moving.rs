@@ -16,8 +16,8 @@ use super::rig::coupled::Coupled;
 use super::rig::parameters::CYLINDER;
 
 /// Power beyond the noise that an actuator leaves in the pressure force, over that of the noise, up to which it is as
-/// declared: on rigs that are off everywhere by their tolerances it leaves 0.2, and an end stop makes the measured motion
-/// uncertain by as much; a cylinder leaves 18 and more to an actuator that was identified with its rod fixed.
+/// declared: on rigs that are off everywhere by their tolerances it leaves 0.2, and an end stop makes the measured
+/// motion uncertain by as much; a cylinder leaves 18 and more to an actuator that was identified with its rod fixed.
 const MAX_EXCESS: f64 = 0.5;
 /// The same over that which the declared actuator leaves with its best effect, below which a cylinder with fitted
 /// dimensions takes its place.
@@ -42,8 +42,8 @@ pub struct Moving {
 /// The declared model with the cylinder in place of its actuator, where the pressure force contradicts the actuator and
 /// the cylinder is clearly better than any single effect of the actuator.
 ///
-/// The motion is not asked: a missing effect of the mechanics spoils it with either actuator. `dimensions`: those of the
-/// cylinder that may be off.
+/// The motion is not asked: a missing effect of the mechanics spoils it with either actuator. `dimensions`: those of
+/// the cylinder that may be off.
 pub fn with_cylinder<S: System + ?Sized>(
     coupled: &Coupled,
     search: &Search<S>,
@@ -62,7 +62,8 @@ pub fn with_cylinder<S: System + ?Sized>(
     let (screened, rules) = (search.screened.clone(), Rules::default());
     let actuator = Search { system: &system, candidates: &own, records, screened, null, rules };
     let price = actuator.penalty();
-    let excess = |model: &Model| (model.fit.chi2 / price.exp() - 1.0).max(0.0);
+    let samples = price.exp();
+    let excess = |fit: &Fit| (fit.chi2 / samples - 1.0).max(0.0);
     let alone = |p: &[f64]| actuator.fit(&[], &[], p, &locals, 1);
     let with_effect = |alone: Model| {
         let limit = actuator.null.quantile + MARGIN;
@@ -70,11 +71,11 @@ pub fn with_cylinder<S: System + ?Sized>(
         singles.into_iter().chain([alone]).min_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2))
     };
     let stated = alone(&p);
-    if excess(&stated) < MAX_EXCESS {
+    if excess(&stated.fit) < MAX_EXCESS {
         return None;
     }
     let stated = with_effect(stated)?;
-    if excess(&stated) < MAX_EXCESS {
+    if excess(&stated.fit) < MAX_EXCESS {
         return None;
     }
     p[CYLINDER] = 1.0;
@@ -83,13 +84,13 @@ pub fn with_cylinder<S: System + ?Sized>(
         Some(Moving { model, dimensions: None })
     };
     let cylinder = alone(&p);
-    if excess(&cylinder) < MAX_EXCESS {
+    if excess(&cylinder.fit) < MAX_EXCESS {
         return as_declared(&p);
     }
     // An effect in front of a cylinder that is as declared would also move its dimensions.
-    let near = excess(&cylinder) < excess(&stated);
+    let near = excess(&cylinder.fit) < excess(&stated.fit);
     let single = if near { with_effect(cylinder) } else { None };
-    if single.as_ref().is_some_and(|single| excess(single) < MAX_EXCESS) {
+    if single.as_ref().is_some_and(|single| excess(&single.fit) < MAX_EXCESS) {
         return as_declared(&p);
     }
     let dimensions = fit(&system, &actuator.records, &p, dimensions, &locals, ROUNDS);
@@ -98,7 +99,7 @@ pub fn with_cylinder<S: System + ?Sized>(
     if single.is_some_and(|single| criterion(&single.fit, single.size(&own)) < fitted) {
         return as_declared(&p);
     }
-    if (dimensions.chi2 / price.exp() - 1.0).max(0.0) > MAX_EXCESS_RATIO * excess(&stated) {
+    if excess(&dimensions) > MAX_EXCESS_RATIO * excess(&stated.fit) {
         return None;
     }
     let model = search.fit(&[], &[], &dimensions.parameters, &declared.fit.locals, 5);

@@ -116,7 +116,7 @@ parameters! {
 
 /// A cylinder: a number for every parameter.
 pub type Cylinder = Parameters<f64>;
-/// What a case states of its cylinder.
+/// The parameters that a case states of its cylinder.
 pub type Stated = Parameters<Option<f64>>;
 
 impl Cylinder {

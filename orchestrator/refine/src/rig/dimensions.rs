@@ -1,4 +1,5 @@
-//! Dimensions of the cylinder that takes the place of a declared actuator: what a case does not state of them is fitted.
+//! Dimensions of the cylinder that takes the place of a declared actuator: those that a case does not state are
+//! fitted.
 
 use super::cylinder::{Cylinder, Stated};
 use super::parameters::*;

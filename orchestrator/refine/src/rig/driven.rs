@@ -15,7 +15,7 @@ pub struct Feeling<'a, const L: usize> {
     pub plant: &'a Mechanics<L>,
     /// Magnitude of the pressure force \[N\].
     pub p: Lanes<L>,
-    /// What speed takes from the force on the piston \[N s/m\].
+    /// Loss of force on the piston with speed \[N s/m\].
     pub lost: Lanes<L>,
 }
 

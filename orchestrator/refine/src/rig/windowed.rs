@@ -28,8 +28,8 @@ pub struct Restart {
 }
 
 impl Restart {
-    /// Windows of the length `window` \[s\] of a trial with position and angle, sampled every `dt` \[s\]; `None` where one
-    /// is missing.
+    /// Windows of the length `window` \[s\] of a trial with position and angle, sampled every `dt` \[s\]; `None` where
+    /// one is missing.
     fn new(trial: &Trial, window: f64, dt: f64) -> Option<Restart> {
         let signal = |name: &str| trial.measured.iter().find(|m| m.name == name).map(|m| m.values.clone());
         let every = (window / dt).round().max(1.0) as usize;
