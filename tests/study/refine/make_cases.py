@@ -230,7 +230,7 @@ def other_cylinders(rng):
         dimensions["tdelay"] = round(dimensions["tdelay"], 4)
         cases.append(dict(name=f"k{i:02d}_{effect or 'none'}", cls="other cylinder" if effect else "other cylinder, control", kind="cartpole",
                           strengths=list(rng.uniform(*STRENGTH, 1)), fp=True, dimensions=dimensions, channel=None if effect else "actuator",
-                          effects=[(effect, draw(rng, EFFECTS[effect]), None)] if effect else [], arx=identified(dimensions, chirps_and_stairs(rng)),
+                          effects=[(effect, draw(rng, EFFECTS[effect]), None)] if effect else [], fixed_rod=chirps_and_stairs(rng, 2000),
                           figures=dimensions))
     return cases
 
@@ -338,6 +338,8 @@ def main():
     for c in chosen:
         if c["kind"] == "friction":
             make_sweep(args.folder, c)
+        if "dimensions" in c:
+            c["arx"] = identified(c["dimensions"], c["fixed_rod"])
     group = lambda c: (c["kind"], bool(c.get("fp")), "dimensions" in c)
     for own in sorted({group(c) for c in chosen if c["kind"] != "friction"}):
         cases = [c for c in chosen if group(c) == own]

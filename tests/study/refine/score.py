@@ -92,7 +92,7 @@ def row_of(case, report, seconds, again, bound=None):
                     if bound and bound.get((effect["id"], name), 0.0) > 0.0:
                         widths.append((high - low) / (2 * 1.96 * bound[effect["id"], name]))
     name = lambda e: e["id"] + (f"({e['signal']})" if e.get("signal") else "")
-    plain = truth["class"] not in ("parameters off", "first principles", "outside", "control")
+    plain = truth["class"] not in ("parameters off", "first principles", "other cylinder", "other cylinder, control", "outside", "control")
     share = left(case, report) if again and plain and not any(e.get("signal") for e in truth["effects"]) else None
     return dict(case=case.name, cls=truth["class"], truth=" ".join(sorted(map(name, truth.get("effects", [])))) or truth["verdict"],
                 verdict=report["verdict"], selected=" ".join(sorted(name(e) for e in report["effects"] if e["selected"])) or report["verdict"],
