@@ -233,7 +233,7 @@ impl Case {
         declaration.model.check().map_err(refused)?;
         if let Err(problem) = declaration.model.cylinder.cylinder().check() {
             return Err(refused(format!(
-                "[model.cylinder]: {problem}; SI units, and what is left out is as in the FMU pneumatic-cylinder"
+                "[model.cylinder]: {problem}; SI units, and what is left out is fitted from the values of the FMU pneumatic-cylinder on"
             )));
         }
         for role in [Role::Estimation, Role::Validation] {

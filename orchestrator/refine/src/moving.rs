@@ -32,7 +32,7 @@ const DRAWS: usize = 40;
 const NOTE: &str = "The actuator does not follow its declared model. Identified with the rod fixed, that cannot know that a moving piston changes the pressures in the chambers. A pneumatic cylinder from first principles takes its place, as declared in [model.cylinder]; dimensions that are not stated there are fitted from the values of the FMU pneumatic-cylinder on, and are among the corrections.";
 
 /// A cylinder in place of the declared actuator.
-pub struct Moving {
+pub struct Replacement {
     /// The declared model with the cylinder.
     pub model: Model,
     /// Its dimensions as fitted to the pressure force, where they are not as declared.
@@ -49,7 +49,7 @@ pub fn with_cylinder<S: System + ?Sized>(
     search: &Search<S>,
     declared: &Model,
     dimensions: &[Free],
-) -> Option<Moving> {
+) -> Option<Replacement> {
     let left = declared.left.iter().find(|(signal, _)| signal == "F_hat").map(|(_, left)| *left)?;
     if left < search.null.quantile + MARGIN {
         return None;
@@ -81,7 +81,7 @@ pub fn with_cylinder<S: System + ?Sized>(
     p[CYLINDER] = 1.0;
     let as_declared = |p: &[f64]| {
         let model = search.fit(&[], &[], p, &declared.fit.locals, 5);
-        Some(Moving { model, dimensions: None })
+        Some(Replacement { model, dimensions: None })
     };
     let cylinder = alone(&p);
     if excess(&cylinder.fit) < MAX_EXCESS {
@@ -103,7 +103,7 @@ pub fn with_cylinder<S: System + ?Sized>(
         return None;
     }
     let model = search.fit(&[], &[], &dimensions.parameters, &declared.fit.locals, 5);
-    Some(Moving { model, dimensions: Some(dimensions) })
+    Some(Replacement { model, dimensions: Some(dimensions) })
 }
 
 /// Says in the answer that the cylinder took the place of the declared actuator. That alone is no effect: without one

@@ -330,10 +330,12 @@ def main():
     everything = specification(rng)
     for c in everything:
         prepare(c, rng)
-    others = np.random.default_rng([args.seed, 1])
-    everything += other_cylinders(others)
-    for c in everything[-20:]:
-        prepare(c, others)
+    # Draws of their own: those of the other cases stay as they are.
+    own_rng = np.random.default_rng([args.seed, 1])
+    others = other_cylinders(own_rng)
+    for c in others:
+        prepare(c, own_rng)
+    everything += others
     chosen = [c for c in everything if re.search(args.only, c["name"])]
     for c in chosen:
         if c["kind"] == "friction":

@@ -100,6 +100,24 @@ def row_of(case, report, seconds, again, bound=None):
                 alike=alike, inside=inside, parameters=parameters, widths=" ".join(f"{w:.2f}" for w in widths), left=share, seconds=round(seconds, 2))
 
 
+def dimensions(cases, out):
+    """Table of the fitted dimensions of cylinders that no case states: relative errors, and how many intervals hold the truth."""
+    errors, inside = collections.defaultdict(list), collections.Counter()
+    for case in cases:
+        truth, report = tomllib.loads((case / "truth.toml").read_text()), out / case.name / "report.json"
+        if not truth["class"].startswith("other cylinder") or not report.exists():
+            continue
+        for found in json.loads(report.read_text())["corrections"]:
+            if found["component"] == "cylinder":
+                name, (low, high) = found["parameter"], found["ci95"]
+                errors[name].append(abs(found["value"] / truth[name] - 1.0))
+                inside[name] += low <= truth[name] <= high
+    if not errors:
+        return []
+    lines = ["", "| dimension | cases | error, median | largest | in 95 % intervals |", "|---|---|---|---|---|"]
+    return lines + [f"| {name} | {len(own)} | {np.median(own):.2%} | {max(own):.2%} | {inside[name]} |" for name, own in errors.items()]
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("program")
@@ -138,6 +156,7 @@ def main():
     confused = collections.Counter((r["truth"], r["selected"], r["channel"]) for r in rows if not r["exact"])
     lines += ["", "| truth | answer | channel of what is unexplained | cases |", "|---|---|---|---|"]
     lines += [f"| {truth} | {answer} | {where} | {n} |" for (truth, answer, where), n in sorted(confused.items())]
+    lines += dimensions(sorted(p.parent for p in args.cases.glob("*/truth.toml")), args.out)
     (args.out / "confusion.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
 

@@ -16,7 +16,7 @@ use crate::engine::select::{
 use crate::engine::{System, stop};
 use crate::explained;
 use crate::interval;
-use crate::moving::{self, Moving, with_cylinder};
+use crate::moving::{self, Replacement, with_cylinder};
 use crate::selection_answer;
 use crate::watch::{Listener, Watched};
 
@@ -265,7 +265,7 @@ fn screened(own: &Candidate, promise: &Promise, (declared, best): (&Model, &Mode
 fn assemble(
     rig: &Rig,
     search: &Search<dyn System + '_>,
-    (stated, cylinder): (&Model, Option<&Moving>),
+    (stated, cylinder): (&Model, Option<&Replacement>),
     selection: &Selection,
 ) -> Answer {
     let system = rig.system.as_ref();

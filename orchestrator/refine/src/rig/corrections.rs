@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::catalog::{Scope, free};
-use super::dimensions;
+use super::cylinder::{Cylinder, Stated};
 use super::parameters::*;
 use crate::case::{Declared, Friction, Kind};
 use crate::engine::fit::Free;
@@ -31,7 +31,7 @@ const fn entry(
     Entry { path, index, tolerance: Some(tolerance), effect }
 }
 
-/// A dimension of the cylinder that takes the place of a declared actuator; see [`dimensions`] for its tolerance.
+/// A dimension of the cylinder that takes the place of a declared actuator; its tolerance depends on the case.
 const fn dimension(path: &'static str, index: usize) -> Entry {
     Entry { path, index, tolerance: None, effect: None }
 }
@@ -71,6 +71,10 @@ pub const TABLE: &[Entry] = &[
 
 /// Standard deviation of declared parameters where records are explained to the noise and the case states none.
 const DECLARED_SHARE: f64 = 0.01;
+
+/// Relative standard deviation of a dimension of the cylinder that a case states, and of one that it leaves to the
+/// values of the FMU.
+const TOLERANCES_OF_DIMENSIONS: (f64, f64) = (0.02, 0.3);
 
 /// A declared parameter of a case that may be off.
 #[derive(Debug, Clone)]
@@ -140,6 +144,20 @@ impl Correction {
     }
 }
 
+/// Relative standard deviation of a dimension of the cylinder where a case gives no tolerance.
+fn tolerance_of_dimension(stated: &Stated, name: &str) -> f64 {
+    let known = stated.named().iter().any(|(dimension, value)| *dimension == name && value.is_some());
+    if known { TOLERANCES_OF_DIMENSIONS.0 } else { TOLERANCES_OF_DIMENSIONS.1 }
+}
+
+/// The cylinder with the corrections of the parameter vector `p`.
+pub fn corrected(declared: &Cylinder, p: &[f64]) -> Cylinder {
+    declared.map(|name, value| {
+        let own = TABLE.iter().find(|entry| entry.path.strip_prefix("cylinder.") == Some(name));
+        own.map_or(value, |entry| value * (1.0 + p[entry.index]))
+    })
+}
+
 /// Declared value of a path.
 fn declared(model: &Declared, path: &str) -> Option<f64> {
     let friction = |c: &Friction, name: &str| match name {
@@ -192,7 +210,7 @@ pub fn corrections(scope: &Scope, stated: &BTreeMap<String, f64>) -> Vec<Correct
         let own = stated.get(entry.path).copied();
         let level = scope.declared.cart_friction.as_ref().map_or(0.0, |c| c.c1);
         let usual = match entry.path.strip_prefix("cylinder.") {
-            Some(name) => Some(dimensions::tolerance(&scope.declared.cylinder, name)),
+            Some(name) => Some(tolerance_of_dimension(&scope.declared.cylinder, name)),
             None => entry.tolerance.map(|own| {
                 if entry.path == BIAS && declared != 0.0 { own * (level / declared).abs() } else { own }
             }),

@@ -3,9 +3,9 @@
 use std::array::from_fn;
 use std::sync::Arc;
 
+use super::corrections;
 use super::cylinder::{Chambers, Cylinder};
-use super::dimensions;
-use super::driven::{Driven, Feeling};
+use super::driven::{Driven, Load};
 use super::extra::{Extra, Place};
 use super::lanes::Lanes;
 use super::parameters::*;
@@ -157,7 +157,7 @@ fn simulate<const L: usize>(
         }
         for _ in 0..substeps {
             s = match &mut cylinder {
-                Some(cylinder) => cylinder.step(&s, &Feeling { plant: &plant, p, lost }),
+                Some(cylinder) => cylinder.step(&s, &Load { plant: &plant, p, lost }),
                 None => plant.step(&s, f_act, p, none, h),
             };
         }
@@ -202,7 +202,7 @@ impl Coupled {
 
     /// The cylinders for parameter vectors.
     fn chambers<const L: usize>(&self, p: [&[f64]; L]) -> Chambers<L> {
-        Chambers::new(&p.map(|p| dimensions::corrected(&self.cylinder, p)), self.exchange)
+        Chambers::new(&p.map(|p| corrections::corrected(&self.cylinder, p)), self.exchange)
     }
 
     /// Predicted signals of up to [`SIDE_BY_SIDE`] jobs, without sensor effects.

@@ -9,8 +9,8 @@ use super::cylinder::{Chambers, Rates, Side};
 use super::lanes::{Lanes, each};
 use super::plant::{Mechanics, State};
 
-/// The mechanics as a cylinder feels them over a sample.
-pub struct Feeling<'a, const L: usize> {
+/// The load of a cylinder over a sample.
+pub struct Load<'a, const L: usize> {
     /// Mechanics.
     pub plant: &'a Mechanics<L>,
     /// Magnitude of the pressure force \[N\].
@@ -85,13 +85,13 @@ impl<'a, const L: usize> Driven<'a, L> {
         (sides, s): (&[Side<L>; 2], &State<L>),
         delayed: &[Lanes<L>; 2],
         late: Lanes<L>,
-        feeling: &Feeling<L>,
+        load: &Load<L>,
     ) -> (Rates<L>, State<L>) {
         let told = 0.5 * self.chambers.exchange();
         let motion = (s[0] - s[1] * told, s[1] - late * told);
         let rates = self.chambers.rates(sides, &self.play, delayed, motion);
         let force = self.chambers.piston_force(sides) + self.chambers.piston_force_rate(&rates) * told;
-        let moved = feeling.plant.derivative(s, force - feeling.lost * s[1], feeling.p, Lanes::default());
+        let moved = load.plant.derivative(s, force - load.lost * s[1], load.p, Lanes::default());
         (rates, moved)
     }
 
@@ -108,16 +108,16 @@ impl<'a, const L: usize> Driven<'a, L> {
 
     /// One step of order 4.
     #[inline(always)]
-    pub fn step(&mut self, s: &State<L>, feeling: &Feeling<L>) -> State<L> {
+    pub fn step(&mut self, s: &State<L>, load: &Load<L>) -> State<L> {
         let h = self.h;
         let delayed = [self.delayed(0), self.delayed(1), self.delayed(2)];
-        let k1 = self.stage((&self.sides, s), &delayed[0], self.acceleration, feeling);
+        let k1 = self.stage((&self.sides, s), &delayed[0], self.acceleration, load);
         let (sides, at) = self.moved(s, &k1, 0.5 * h);
-        let k2 = self.stage((&sides, &at), &delayed[1], k1.1[1], feeling);
+        let k2 = self.stage((&sides, &at), &delayed[1], k1.1[1], load);
         let (sides, at) = self.moved(s, &k2, 0.5 * h);
-        let k3 = self.stage((&sides, &at), &delayed[1], k2.1[1], feeling);
+        let k3 = self.stage((&sides, &at), &delayed[1], k2.1[1], load);
         let (sides, at) = self.moved(s, &k3, h);
-        let k4 = self.stage((&sides, &at), &delayed[2], k3.1[1], feeling);
+        let k4 = self.stage((&sides, &at), &delayed[2], k3.1[1], load);
         let mut next = *s;
         (0..6).for_each(|i| next[i] = next[i] + (k1.1[i] + (k2.1[i] + k3.1[i]) * 2.0 + k4.1[i]) * (h / 6.0));
         for (j, side) in self.sides.iter_mut().enumerate() {

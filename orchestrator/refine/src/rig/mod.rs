@@ -9,7 +9,6 @@ pub mod catalog;
 pub mod corrections;
 pub mod coupled;
 pub mod cylinder;
-pub mod dimensions;
 pub mod driven;
 pub mod extra;
 pub mod lanes;
