@@ -58,7 +58,8 @@ def repository(root, tmp_path_factory):
     """What the reader of the how-to has: examples and records of the repository, FMUs, and files of their own."""
     folder = tmp_path_factory.mktemp("how-to")
     shutil.copytree(root / "examples", folder / "examples")
-    for case in ("v01", "v05"):
+    named = re.findall(r"data/rig/(\w+)", (root / "docs" / "how-to.md").read_text(encoding="utf-8"))
+    for case in sorted({"v05", *named}):
         shutil.copytree(root / "data" / "rig" / case, folder / "data" / "rig" / case)
     shutil.copytree(_folders.FMUS, folder / "target" / "fmu")
     text = (root / "examples" / "01_run" / "system.ssd").read_text(encoding="utf-8")
