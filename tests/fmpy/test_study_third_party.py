@@ -42,6 +42,33 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
     amended_has_printed_errors(folder / "study.toml", tmp_path / "out", found)
 
 
+# The arm sticks in wells that the declared model does not have, half a period away from where it has the arm.
+@pytest.mark.parametrize(
+    "name, few, others",
+    [
+        ("furuta_m_cogging_tau", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pole.viscous"]'),
+        # The speeds are measured, the position follows from them.
+        ("servo_m_cogging_tau_l", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pf.viscous"]'),
+        # A mode that is damped without end is near a delay, and none.
+        ("furuta_m_delay_tau", '["act.delay", "act.mode", "act.hysteresis"]', '["pole.viscous"]'),
+    ],
+)
+def test_what_no_step_from_the_declared_motion_leads_to_is_found(tmp_path, name, few, others):
+    folder, truth = machine(tmp_path, name, seed=6006)
+    study = folder / "study.toml"
+    true = truth["effects"][0]
+    # Few effects of the list, so that the search is short.
+    head, *attachments = study.read_text().split("[[attachment]]\n")
+    own = lambda text: few if f'input = "{true["port"]}"' in text else others
+    study.write_text("[[attachment]]\n".join([head, *(f"effects = {own(text)}\n{text}" for text in attachments)]))
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 0, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    effect, main = found["effects"][0], true["main"]
+    assert named(found) == [true["id"]] and effect["port"] == true["port"]
+    assert effect["params"][main]["value"] == pytest.approx(true["params"][main]["value"], rel=0.1)
+
+
 def test_a_torque_that_depends_on_the_speed_of_another_joint_is_a_law(tmp_path):
     folder, truth = machine(tmp_path, "arm_e_outside_cross_tau_1")
     study = folder / "study.toml"

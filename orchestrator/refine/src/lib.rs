@@ -15,6 +15,7 @@ mod grid;
 pub mod interval;
 pub mod law;
 pub mod moving;
+mod order;
 mod outliers;
 mod regime;
 pub mod rig;

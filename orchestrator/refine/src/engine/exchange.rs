@@ -6,6 +6,7 @@ use super::question::{Found, Step, Tried};
 use super::search::Model;
 use super::step::distinct;
 use super::stop;
+use crate::order::ascending;
 
 /// Other candidates that are fitted in the place of an effect: those whose linear step predicts most.
 const RIVALS: usize = 3;
@@ -94,7 +95,7 @@ impl Run<'_> {
                 (other.gain < q.settings.min_gain).then(|| "it gains nothing beside the others".to_owned())
             });
         }
-        tried.sort_by(|a, b| a.error.total_cmp(&b.error));
+        ascending(&mut tried, |own| own.error);
         Some(Step { added: rest, tried })
     }
 

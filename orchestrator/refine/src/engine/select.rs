@@ -11,6 +11,7 @@ use super::fit::Free;
 use super::ladder::{Ladder, Reached, beginnings};
 use super::search::{Model, Promise, Search};
 use super::{System, stop};
+use crate::order::ascending;
 
 /// A model leaves only noise when no normalized power exceeds the largest of the null by more than this.
 pub const MARGIN: f64 = 8.0;
@@ -99,7 +100,7 @@ pub fn select<S: System + ?Sized>(
     let screened = promises.clone();
     let end = |stage, passing: Vec<Model>, tried: Vec<Model>| {
         let mut passing = passing;
-        passing.sort_by(|a, b| criterion(a).total_cmp(&criterion(b)));
+        ascending(&mut passing, |own| criterion(own));
         let best = passing.remove(0);
         let equals = passing
             .into_iter()
@@ -252,7 +253,7 @@ pub fn attempt<S: System + ?Sized>(
         }
         found.push(model);
     }
-    found.sort_by(|a, b| a.fit.chi2.total_cmp(&b.fit.chi2));
+    ascending(&mut found, |own| own.fit.chi2);
     found
 }
 

@@ -5,6 +5,7 @@ use super::forward_selection::{OTHERS_TAKE_MORE, REFINEMENT_ROUNDS, ROUNDS, Run,
 use super::question::Tried;
 use super::search::{Model, Promise};
 use super::{parallel, stop};
+use crate::order::ascending;
 
 /// Candidates fitted because of their predicted gain with the corrections, and because of their gain without them.
 const FITTED_CANDIDATES: (usize, usize) = (5, 5);
@@ -40,13 +41,27 @@ impl Run<'_> {
             [distinct(search.screen_some(base, &unchanged)), distinct(search.screen_some(&held, &may))]
         });
         let records: Vec<usize> = q.screened.iter().map(|&i| q.records[i]).collect();
-        let locals: Vec<Vec<f64>> = q.screened.iter().map(|&i| locals[i].clone()).collect();
+        let [locals, bent] = [&locals, &base.fit.locals]
+            .map(|own| q.screened.iter().map(|&i| own[i].clone()).collect::<Vec<_>>());
         let errors = parallel::map(without.len(), |i| {
             q.held_out.error_from(&without[i].parameters, &records, &locals)
         });
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
-        alone.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<Promise> = beside.into_iter().take(FITTED_CANDIDATES.0).collect();
+        ascending(&mut alone, |own| own.0);
+        // Corrections bent to do what an effect does keep it from its place where only that is known, not what a small
+        // step toward it gives.
+        let straightened = |mut own: Promise| {
+            let is_placed = q.candidates[own.candidate].starts.iter().all(|start| start.open.is_empty());
+            let straight = alone.iter().find(|(_, other)| is_placed && other.candidate == own.candidate);
+            if let Some((error, other)) = straight
+                && *error < q.held_out.error_from(&own.parameters, &records, &bent)
+            {
+                own.parameters.clone_from(&other.parameters);
+            }
+            own
+        };
+        let mut chosen: Vec<Promise> =
+            beside.into_iter().take(FITTED_CANDIDATES.0).map(straightened).collect();
         let (changes, alone): (Vec<_>, Vec<_>) =
             alone.into_iter().map(|own| own.1).partition(|own| q.is_change(own.candidate));
         for promise in alone {
@@ -108,7 +123,7 @@ impl Run<'_> {
                 change.is_none_or(|&c| q.is_beyond_correction(c, &model.fit.parameters))
             })
             .collect();
-        fitted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ascending(&mut fitted, |own| own.0);
         let Some(best) = fitted.first_mut() else { return (Vec::new(), weights.clone()) };
         let (model, weights) = self.reweighed(best.1.clone());
         best.1 = model;
@@ -154,8 +169,8 @@ impl Run<'_> {
         // Those that were not fitted again have an error of the fit, which is no match for one on held-out folds.
         let judged = REFITTED_CANDIDATES.min(tried.len());
         let (again, once) = tried.split_at_mut(judged);
-        again.sort_by(|a, b| a.error.total_cmp(&b.error));
-        once.sort_by(|a, b| a.error.total_cmp(&b.error));
+        ascending(again, |own| own.error);
+        ascending(once, |own| own.error);
         (tried, weights)
     }
 }

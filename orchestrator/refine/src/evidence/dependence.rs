@@ -1,6 +1,7 @@
 //! Residuals against the variables that they depend on.
 
 use super::{Record, Signal};
+use crate::order::{ascending, descending};
 
 /// Bins of equal count.
 const BINS: usize = 24;
@@ -34,7 +35,7 @@ pub fn of(signals: &[Signal], records: &[Record]) -> Vec<Dependence> {
             .map(|(name, unit)| one(index, signal, records, name, unit))
             .filter(|dependence| !dependence.bins.is_empty())
             .collect();
-        own.sort_by(|a, b| b.share.total_cmp(&a.share));
+        descending(&mut own, |own| own.share);
         own.truncate(MAX_VARIABLES_PER_SIGNAL);
         let second = own.get(1).is_some_and(|dependence| dependence.share < MIN_SHARE_OF_SECOND_VARIABLE);
         own.truncate(if second { 1 } else { MAX_VARIABLES_PER_SIGNAL });
@@ -62,7 +63,7 @@ fn one(index: usize, signal: &Signal, records: &[Record], name: &str, unit: &str
             rows.push((own.map_or(k as f64 * record.sample_time, |own| own[k]), *b, *a));
         }
     }
-    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ascending(&mut rows, |own| own.0);
     let size = (rows.len() / BINS).max(1);
     let mean = |rows: &[(f64, f64, f64)]| {
         let n = rows.len() as f64;

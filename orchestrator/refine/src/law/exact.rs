@@ -1,6 +1,7 @@
 //! Exact fits in simulation of the best formulas for a free form, the choice of the law among them, and laws with a
 //! memory.
 
+use crate::order::ascending;
 use std::sync::Arc;
 
 use super::finder::Finder;
@@ -137,7 +138,7 @@ impl Finder<'_> {
             self.fit_formulas(study, declared, &place, (whole, list), &reaches, &mut tried);
         }
         tried.retain(reaches);
-        tried.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
+        ascending(&mut tried, |own| own.rank());
         self.prune(study, (declared, &[]), &place, &mut tried);
         self.prune_beside_corrections(study, declared, &place, &mut tried);
         let mut best: Option<(Model, Arc<Own>, f64)> = None;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::grammar::Axis;
 use super::study::{Aim, motion};
 use super::surface::{Surface, knots};
-use super::windows::Windows;
+use super::windows::{WINDOWS, Windows};
 use super::written::name;
 use crate::answer::Errors;
 use crate::engine::System;
@@ -88,7 +88,7 @@ impl<'a> Finder<'a> {
             say,
             corrections: corrected(study, &base.fit),
             trace: motion(&fits, base),
-            windows: Windows::new(&fits, base),
+            windows: Windows::new(&fits, base, WINDOWS),
             quick: fits.quickened(base).quick,
             noise: noise * samples as f64,
             max_error: ratio * scope.enough.max(judge.tolerated.max(judge.power).sqrt()),

@@ -1,6 +1,7 @@
 //! Search among sums of terms for those that reproduce a free form, on its quadratic forms: every fit is a curve
 //! through a few heights, weighted by the information of the records on each.
 
+use crate::order::{ascending, descending};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::grammar::{Axis, Formula, Shape, Term, terms};
@@ -190,7 +191,7 @@ impl<'a> Search<'a> {
             (size > 0.0 && gain.is_finite()).then_some((gain, amplitude, shape))
         });
         let mut tried: Vec<(f64, f64, Vec<f64>)> = tried.collect();
-        tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+        descending(&mut tried, |own| own.0);
         let fitted = tried.into_iter().take(3).map(|(_, amplitude, shape)| {
             let mut formula = base.clone();
             formula.terms.push(term.clone());
@@ -238,7 +239,7 @@ impl<'a> Search<'a> {
             let rank = |own: &(f64, Formula)| {
                 0.5 * own.0.max(1e-300).ln() + PRICE_PER_COMPLEXITY * own.1.complexity() as f64
             };
-            next.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
+            ascending(&mut next, |own| rank(own));
             let mut kept: Vec<Formula> = Vec::new();
             for (_, own) in next {
                 if kept.len() < 2 * BEAM && !kept.iter().any(|known| known.same_form(&own)) {
@@ -246,12 +247,12 @@ impl<'a> Search<'a> {
                 }
             }
             let mut judged = parallel::map(kept.len(), |k| self.judged(kept[k].clone()));
-            judged.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
+            ascending(&mut judged, |own| own.rank());
             beam = judged.iter().take(BEAM).map(|own| own.formula.clone()).collect();
             found.extend(judged.into_iter().take(BEAM));
         }
         found.retain(|own| own.held_out.is_finite());
-        found.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
+        ascending(&mut found, |own| own.rank());
         let mut kept: Vec<Found> = Vec::new();
         for own in found {
             if !kept.iter().any(|known| known.formula.same_form(&own.formula)) {

@@ -2,6 +2,7 @@
 //! imitate one. Sets of effects there that reproduce the law over the motion of the records are fitted in simulation;
 //! one that does as well as the law is the answer.
 
+use crate::order::ascending;
 use std::collections::BTreeSet;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -224,7 +225,7 @@ impl<'a> Target<'a> {
                     }
                 }
             }
-            next.sort_by(|a, b| a.0.total_cmp(&b.0));
+            ascending(&mut next, |own| own.0);
             let mut kept: Vec<(f64, Vec<Part>)> = Vec::new();
             let same = |a: &[Part], b: &[Part]| a.iter().zip(b).all(|(a, b)| a.candidate == b.candidate);
             for (_, set) in next.iter().filter(|(_, set)| self.complete(set)) {
@@ -232,7 +233,7 @@ impl<'a> Target<'a> {
                     kept.push(self.improved(set.clone()));
                 }
             }
-            kept.sort_by(|a, b| a.0.total_cmp(&b.0));
+            ascending(&mut kept, |own| own.0);
             let least = kept.first().map_or(0.0, |own| own.0);
             kept.retain(|own| own.0 <= MAX_DIFFERENCE && own.0 <= MAX_OVER_LEAST * least);
             found.push(kept.into_iter().take(FITTED).map(|own| own.1).collect());

@@ -7,6 +7,7 @@ use super::study::{Found, Outcome, scaled};
 use super::surface::Surface;
 use crate::answer::Answer;
 use crate::engine::stop;
+use crate::order::{ascending, descending};
 use crate::study::catalog;
 use crate::study::explain::Judge;
 use crate::study::fits::Model;
@@ -111,7 +112,7 @@ impl Finder<'_> {
             let drives = form.surface.variables == [Variable::Value];
             form.at.gain() * if drives { WEIGHT_OF_VALUE } else { 1.0 }
         };
-        singles.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        descending(&mut singles, |own| gain(own));
         let most = gain(singles.first()?);
         let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
         let hopeful = |form: &FreeForm| form.is_hopeful(noise);
@@ -246,7 +247,7 @@ impl Finder<'_> {
             }
         }
         pairs.retain(|form| form.is_hopeful(self.noise));
-        pairs.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        ascending(&mut pairs, |own| own.at.smooth.held_out);
         let mut told: Vec<usize> = Vec::new();
         let mut found = Vec::new();
         for pair in pairs {
@@ -260,7 +261,7 @@ impl Finder<'_> {
 
     /// The free form with the least held-out error, or one over a variable less that leaves about as much.
     fn simplest(&self, mut forms: Vec<FreeForm>) -> Option<FreeForm> {
-        forms.sort_by(|a, b| a.at.smooth.held_out.total_cmp(&b.at.smooth.held_out));
+        ascending(&mut forms, |own| own.at.smooth.held_out);
         let least = forms.first()?.at.smooth.held_out;
         // What one variable leaves may be as much more than what two leave.
         let more = MIN_SHARE_OF_SECOND_VARIABLE * (least - self.noise).max(MIN_EXCESS_OF_LEAST * least);

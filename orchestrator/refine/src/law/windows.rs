@@ -7,7 +7,7 @@ use crate::study::model::Study;
 use crate::study::simulate::{Piece, View};
 
 /// Windows of the longest record.
-const WINDOWS: usize = 20;
+pub const WINDOWS: usize = 20;
 /// Fewest samples of a window.
 const MIN_SAMPLES: usize = 40;
 /// Samples on either side over which a velocity is taken from measured positions.
@@ -20,6 +20,8 @@ pub struct Windows {
     pub pieces: Vec<Piece>,
     /// States at their beginnings, `[pieces][nx]`.
     pub begins: Vec<Vec<f64>>,
+    /// By state, whether it is known at all beginnings from a measured output that is its derivative.
+    pub integrated: Vec<bool>,
 }
 
 /// Derivative of measured positions at sample `k`.
@@ -75,16 +77,16 @@ fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
 }
 
 impl Windows {
-    /// Windows with states as measured, and of a model where they are not; none where a simulation cannot start
-    /// anywhere, or already restarts in windows.
-    pub fn new(fits: &Fits, base: &Model) -> Option<Windows> {
+    /// So many windows of the longest record with states as measured, and of a model where they are not; none where a
+    /// simulation cannot start anywhere, or already restarts in windows.
+    pub fn new(fits: &Fits, base: &Model, windows: usize) -> Option<Windows> {
         let study = fits.study;
         if study.sampled || study.windows.is_some() {
             return None;
         }
         let seen = seen(study).filter(|own| !own.is_empty())?;
         let longest = fits.pieces.iter().map(|piece| piece.range.len()).max()?;
-        let length = (longest / WINDOWS).max(MIN_SAMPLES);
+        let length = (longest / windows).max(MIN_SAMPLES);
         let view = fits.view(&base.added, &fits.pieces);
         let (mut pieces, mut begins) = (Vec::new(), Vec::new());
         for (r, piece) in fits.pieces.iter().enumerate() {
@@ -124,12 +126,19 @@ impl Windows {
             }
         }
         let finite = begins.iter().flatten().all(|x: &f64| x.is_finite());
-        finite.then_some(Windows { pieces, begins })
+        let integrated = seen.iter().map(|own| matches!(own, Some(Seen::Integral(_)))).collect();
+        finite.then_some(Windows { pieces, begins, integrated })
     }
 
     /// The engine's view of the windows with some candidates beside the declared model.
     pub fn view<'a>(&self, fits: &Fits<'a>, added: &[usize]) -> View<'a> {
         View { begins: self.begins.clone(), ..fits.view(added, &self.pieces) }
+    }
+
+    /// The same with positions held that follow from measured velocities: a form over them would move each window by
+    /// itself to where it fits best.
+    pub fn view_along<'a>(&self, fits: &Fits<'a>, added: &[usize]) -> View<'a> {
+        View { held: self.integrated.clone(), ..self.view(fits, added) }
     }
 }
 

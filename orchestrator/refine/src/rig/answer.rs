@@ -17,6 +17,7 @@ use crate::engine::{System, stop};
 use crate::explained;
 use crate::interval;
 use crate::moving::{self, Replacement, with_cylinder};
+use crate::order::descending;
 use crate::selection_answer;
 use crate::watch::{Listener, Watched};
 
@@ -314,7 +315,7 @@ fn assemble(
         }
     }
     let mut singles: Vec<&Model> = selection.tried.iter().filter(|m| m.added.len() == 1).collect();
-    singles.sort_by(|a, b| score(b).total_cmp(&score(a)));
+    descending(&mut singles, |own| score(own));
     for model in singles.into_iter().take(12) {
         let (signal, z) = model.left.iter().max_by(|a, b| a.1.total_cmp(&b.1)).cloned().unwrap_or_default();
         effect(

@@ -8,6 +8,7 @@ use crate::engine::goodness::Null;
 use crate::engine::search::{Model, Rules, Search};
 use crate::engine::select::{Proposal, attempt};
 use crate::engine::{System, parallel};
+use crate::order::{ascending, descending};
 
 /// Walks of the actuator force that are tried: of the force itself, and of its rate, which is smoother.
 const FORCE_WALKS: [Walk; 7] = [
@@ -87,7 +88,7 @@ pub fn localize(
             let mut tuned: Vec<Tuned> =
                 found.iter().take(PARTNERS_PER_BASE).map(|model| around.tuned(model)).collect();
             tried.extend(found);
-            tuned.sort_by(|a, b| a.observer.cost.total_cmp(&b.observer.cost));
+            ascending(&mut tuned, |own| own.observer.cost);
             match tuned.into_iter().next() {
                 Some(better) if better.observer.cost < best.observer.cost - MIN_LOGLIKELIHOOD_GAIN => {
                     best = better
@@ -246,7 +247,7 @@ fn variables(
         .filter(|(name, _)| allowed.contains(name))
         .map(|(name, column)| (*name, told(column, &values)))
         .collect();
-    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    descending(&mut shares, |own| own.1);
     let best = shares.first().map_or(0.0, |share| share.1);
     let near = shares.into_iter().filter(|(_, share)| *share > 0.7 * best);
     (near.map(|(name, _)| name.to_owned()).collect(), best)
@@ -255,7 +256,7 @@ fn variables(
 /// Share of the variance of `values` that the mean over 24 bins of equal count of `variable` tells.
 fn told(variable: &[f64], values: &[f64]) -> f64 {
     let mut order: Vec<usize> = (0..variable.len()).collect();
-    order.sort_by(|&a, &b| variable[a].total_cmp(&variable[b]));
+    ascending(&mut order, |&own| variable[own]);
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let total: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
     let size = (values.len() / 24).max(1);

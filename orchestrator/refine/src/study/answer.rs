@@ -21,6 +21,7 @@ use super::sign_change;
 use super::smoothed;
 use super::starts;
 use super::whole::Whole;
+use super::windowed_starts;
 use super::with_corrections;
 use crate::Error;
 use crate::answer::{Answer, Effect, Settings, Verdict};
@@ -36,6 +37,10 @@ use crate::law::study::{self as law, Aim};
 
 /// Share of a limited time that the search for an explanation to the noise may use.
 const EXACT_SHARE_OF_TIME: f64 = 0.5;
+
+/// Share by which the residual of effects may fall with finer steps of integration for them to stand: where it falls by
+/// more, the error of the integration had been searched as well.
+const MAX_FALL_BY_FINER_STEPS: f64 = 0.15;
 
 /// Share of the error on validation records that one of several effects which do the same on estimation records must
 /// take away to stand in place of another that validation records refuse: more than others, as it is chosen by them.
@@ -70,6 +75,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let mut model = steps(&mut study, &scale, &declared);
     make_stable(&mut study, &scale, &mut model);
     periods::propose(&mut study, &scale, &model);
+    windowed_starts::propose(&mut study, &scale, &model);
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     let mut quick = fits.quick;
     say("noise floor");
@@ -201,6 +207,14 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             if law.is_none() {
                 before.restore(&mut study);
             }
+            if law.is_none()
+                && let Some(own) = &by_share
+                && let Some((own, fine)) =
+                    finely_beside(&mut study, &scale, (&judge, own), &found, (settings, say))
+            {
+                found = fine;
+                (selection, by_share) = (own.selection.clone(), Some(own));
+            }
             let corrected = by_share.filter(|_| found.verdict != Verdict::Effect).map(|own| own.corrected);
             (selection, found, law, corrected)
         }
@@ -294,6 +308,34 @@ fn finely(
     let selection = Selection { best, exact: true, ..selection.clone() };
     let found = assemble(&fits, judge, &selection, None, settings);
     Some((selection, found))
+}
+
+/// The same effects beside corrections, fitted with as many steps of integration as they need, if they leave about as
+/// much then: the search would find nothing else. Otherwise the study stays as it is.
+fn finely_beside(
+    study: &mut Study,
+    scale: &[f64],
+    (judge, coarse): (&Judge, &ByShare),
+    found: &Answer,
+    (settings, say): (&Settings, Say),
+) -> Option<(ByShare, Answer)> {
+    if found.verdict != Verdict::Effect || found.complete || stop::asked() {
+        return None;
+    }
+    let (before, best) = (study.substeps, &coarse.selection.best);
+    study.substeps = integration::finer(&Fits::new(study, scale.to_vec()), best)?;
+    say("the effects with finer steps of integration");
+    let fits = Fits::new(study, scale.to_vec());
+    let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
+    let fine = search.fitted(coarse, &coarse.added, &best.fit.parameters);
+    let fall = 1.0 - fine.selection.best.error / best.error;
+    let answer = (fall < MAX_FALL_BY_FINER_STEPS && !stop::asked())
+        .then(|| assemble(&fits, judge, &fine.selection, Some(&fine), settings))
+        .filter(|answer| answer.verdict == Verdict::Effect);
+    if answer.is_none() {
+        study.substeps = before;
+    }
+    answer.map(|answer| (fine, answer))
 }
 
 /// Effects of the list in place of the law of an answer, where some do as well; else both as they are.

@@ -232,7 +232,7 @@ impl Fits<'_> {
 
 /// The linear least-squares step from `p` over `open`, the parameters of `fit` and the local ones: promised sum of
 /// squares and parameters after it.
-fn linear_step(
+pub(super) fn linear_step(
     view: &View,
     shared: &[Columns],
     (fit, locals): (&Fit, &[Vec<f64>]),

@@ -5,6 +5,7 @@ use super::model::{Entry, Study, Target};
 use crate::answer::{Effect, Parameter};
 use crate::engine::candidate::{Candidate, Start};
 use crate::engine::fit::{Fit, Free};
+use crate::order::descending;
 
 /// Kind of such an effect.
 pub const KIND: &str = "parameter";
@@ -27,7 +28,7 @@ pub fn changed(study: &Study, fit: &Fit, most: f64) -> Vec<Free> {
     };
     let mut own = corrected(study, fit);
     own.retain(|free| tolerances(free) > most);
-    own.sort_by(|a, b| tolerances(b).total_cmp(&tolerances(a)));
+    descending(&mut own, |own| tolerances(own));
     own.into_iter().map(|free| Free { prior: None, ..free }).collect()
 }
 

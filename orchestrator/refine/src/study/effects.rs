@@ -1,6 +1,7 @@
 //! The effects of an answer: those chosen, those that the records cannot distinguish from them, and those that were
 //! tried.
 
+use crate::order::descending;
 use std::sync::Arc;
 
 use super::by_share::ByShare;
@@ -149,7 +150,7 @@ pub(crate) fn wiring(study: &Study, model: &Model, c: usize) -> Option<Wiring> {
 /// an effect acts on, which stands before it.
 fn ranked(gains: &[f64], needs: &[Option<usize>]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..gains.len()).collect();
-    order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]));
+    descending(&mut order, |&own| gains[own]);
     for (own, needed) in needs.iter().enumerate() {
         let place = |of: usize, order: &[usize]| order.iter().position(|&k| k == of);
         let Some(needed) = *needed else { continue };

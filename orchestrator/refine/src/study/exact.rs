@@ -16,6 +16,7 @@ use crate::engine::candidate::Candidate;
 use crate::engine::fit::{Fit, Free, fit};
 use crate::engine::search::{self, Rules, Search};
 use crate::engine::select::{self, Effort, select};
+use crate::order::ascending;
 
 /// Single candidates whose errors on what is held out are shown beside that of the best model.
 const HELD_OUT_RIVALS: usize = 3;
@@ -67,7 +68,7 @@ pub fn search(
     let equals = equals.into_iter().filter_map(replaced).collect();
     let single = |own: &&search::Model| matches!(own.added[..], [c] if c < study.candidates.len());
     let mut singles: Vec<Model> = found.tried.iter().filter(single).map(|own| model(fits, own)).collect();
-    singles.sort_by(|a, b| a.error.total_cmp(&b.error));
+    ascending(&mut singles, |own| own.error);
     singles.dedup_by(|a, b| a.added == b.added);
     let mut declared = declared.clone();
     say("stability over parts of the records");

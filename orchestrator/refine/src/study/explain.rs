@@ -4,6 +4,7 @@
 //! A free form over such a variable takes away much of the residual, whatever the law may be; sensor noise depends on
 //! nothing. [`Judge`] also says when a model leaves no more than sensor noise.
 
+use crate::order::descending;
 use std::collections::BTreeMap;
 
 use super::fits::{Fits, Model};
@@ -202,7 +203,7 @@ impl Judge {
         };
         let promises = parallel::map(probes.len(), |i| promised(&[probes[i]]));
         let mut open: Vec<(usize, f64)> = probes.into_iter().zip(promises).collect();
-        open.sort_by(|a, b| b.1.total_cmp(&a.1));
+        descending(&mut open, |own| own.1);
         let mut singles: Vec<(usize, f64)> = Vec::new();
         for &(probe, promised) in &open {
             // No fit gains more than predicted, so the places that count may be known before all are fitted.
@@ -212,7 +213,7 @@ impl Judge {
                 break;
             }
             singles.push((probe, gain(&[probe], promised)));
-            singles.sort_by(|a, b| b.1.total_cmp(&a.1));
+            descending(&mut singles, |own| own.1);
         }
         let fitted = |probe: usize| singles.iter().find(|own| own.0 == probe).map(|own| own.1);
         let mut ports: BTreeMap<&str, f64> = BTreeMap::new();

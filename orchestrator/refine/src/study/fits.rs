@@ -182,6 +182,7 @@ impl<'a> Fits<'a> {
             corrected: true,
             white: true,
             begins: Vec::new(),
+            held: Vec::new(),
             remembered: Arc::clone(&self.remembered),
         }
     }

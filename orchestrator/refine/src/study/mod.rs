@@ -85,6 +85,7 @@ mod taps;
 mod time_grid;
 pub mod tolerance;
 pub mod whole;
+mod windowed_starts;
 mod with_corrections;
 
 use std::path::Path;

@@ -12,6 +12,7 @@ use super::law::Law;
 use super::model::{Action, Study};
 use crate::engine::{System, parallel, stop};
 use crate::law::study::motion;
+use crate::order::descending;
 
 /// Numbers of periods within the travel that are compared: the least is some below the most of the catalog, so that a
 /// peak there has neighbors.
@@ -88,7 +89,7 @@ fn periods(parts: &[Part]) -> Vec<f64> {
         gains[*k] > MIN_GAIN && around.filter_map(|j| gains.get(j)).all(|other| *other <= gains[*k])
     };
     let mut peaks: Vec<usize> = (0..count).filter(peak).collect();
-    peaks.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    descending(&mut peaks, |own| gains[*own]);
     peaks.into_iter().take(PROPOSED).map(period).collect()
 }
 

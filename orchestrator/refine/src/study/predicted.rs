@@ -149,11 +149,10 @@ impl System for View<'_> {
     fn locals(&self, record: usize) -> Vec<(f64, f64)> {
         if let Some(own) = self.begins.get(record) {
             let size = |i: usize| self.begins.iter().fold(0.0f64, |a, b| a.max(b[i].abs()));
-            return own
-                .iter()
-                .enumerate()
-                .map(|(i, x)| (*x, begin::STEP * size(i).max(begin::LEAST_SIZE)))
-                .collect();
+            let step = |i: usize| begin::STEP * size(i).max(begin::LEAST_SIZE);
+            let held = |i: usize| self.held.get(i) == Some(&true);
+            let one = |(i, x): (usize, &f64)| (*x, if held(i) { 0.0 } else { step(i) });
+            return own.iter().enumerate().map(one).collect();
         }
         let piece = &self.pieces[record];
         let record = &self.study.records[piece.record];

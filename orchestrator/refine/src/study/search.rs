@@ -1,5 +1,6 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was held out.
 
+use crate::order::ascending;
 use std::sync::OnceLock;
 
 use super::catalog::Candidate;
@@ -197,7 +198,7 @@ impl<'a> Search<'a> {
     /// Models that were fitted with the derivatives around another one, best first: the best of them fitted with their
     /// own.
     fn refitted(&self, mut models: Vec<Model>) -> Vec<Model> {
-        models.sort_by(|a, b| a.error.total_cmp(&b.error));
+        ascending(&mut models, |own| own.error);
         if self.study().windows.is_some() {
             models.retain(|model| fitting(self.study(), model));
             return models;
@@ -218,7 +219,7 @@ impl<'a> Search<'a> {
             }
         }
         models.retain(|model| fitting(self.study(), model));
-        models.sort_by(|a, b| a.error.total_cmp(&b.error));
+        ascending(&mut models, |own| own.error);
         models
     }
 

@@ -1,6 +1,7 @@
 //! Signs of the columns of a study: the declared model is fitted with the other sign of every column, and of every
 //! signal where a column makes several.
 
+use crate::order::ascending;
 use toml::Spanned;
 
 use super::declaration::{File, Signal};
@@ -65,7 +66,7 @@ pub fn check(file: &File, study: &mut Study) -> Result<Option<Suspicion>, Error>
     // In a linear system a command and a sensor of the other sign leave the same.
     let least = found.iter().map(|own| own.0).fold(f64::INFINITY, f64::min);
     found.retain(|own| own.0 <= MAX_RATIO_OF_EQUALS * least);
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ascending(&mut found, |own| own.0);
     match found.first().map(|own| own.0) {
         Some(other) => {
             let rivals: Vec<&[Place]> = found.iter().map(|own| &own.1[..]).collect();

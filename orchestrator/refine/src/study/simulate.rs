@@ -56,6 +56,8 @@ pub struct View<'a> {
     /// States at the start of each piece, `[pieces][nx]`: local parameters that are fitted along. Empty: pieces start
     /// as the study says.
     pub begins: Vec<Vec<f64>>,
+    /// By state, whether it stays as it is in `begins`; empty: none does.
+    pub held: Vec<bool>,
     /// Simulations that were run before, of these and other pieces with these and other candidates.
     pub remembered: Arc<Remembered>,
 }

@@ -3,6 +3,7 @@
 use super::model::Study;
 use super::search::Selection;
 use crate::answer::{Step, Tried};
+use crate::order::descending;
 
 /// The steps of a selection, its single candidates beside the first; a model that was not held out is none.
 pub fn held_out(study: &Study, selection: &Selection) -> Vec<Step> {
@@ -43,7 +44,7 @@ pub fn held_out(study: &Study, selection: &Selection) -> Vec<Step> {
             };
             candidates.push(tried(c, (whole - model.held_out) / whole, Some(why.into())));
         }
-        candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+        descending(&mut candidates, |own| own.held_out_gain);
         if !candidates.is_empty() {
             let model = added.iter().map(|&c| study.candidates[c].name()).collect();
             found.push(Step { model, candidates });
