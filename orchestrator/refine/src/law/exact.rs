@@ -1,7 +1,6 @@
 //! Exact fits in simulation of the best formulas for a free form, the choice of the law among them, and laws with a
 //! memory.
 
-use crate::order::ascending;
 use std::sync::Arc;
 
 use super::finder::Finder;
@@ -14,6 +13,7 @@ use super::written::{curve_text, effect, read};
 use crate::answer::Answer;
 use crate::engine::fit::Free;
 use crate::engine::stop;
+use crate::order::ascending;
 use crate::study::declaration::Role;
 use crate::study::errors::errors;
 use crate::study::explain::Judge;

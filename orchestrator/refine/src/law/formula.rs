@@ -1,13 +1,13 @@
 //! Search among sums of terms for those that reproduce a free form, on its quadratic forms: every fit is a curve
 //! through a few heights, weighted by the information of the records on each.
 
-use crate::order::{ascending, descending};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::grammar::{Axis, Formula, Shape, Term, terms};
 use super::surface::Surface;
 use super::surrogate::{PARTS, Quadratic, Surrogate};
 use crate::engine::parallel;
+use crate::order::{ascending, descending};
 
 /// Most terms of a formula.
 const TERMS: usize = 3;

@@ -2,7 +2,6 @@
 //! imitate one. Sets of effects there that reproduce the law over the motion of the records are fitted in simulation;
 //! one that does as well as the law is the answer.
 
-use crate::order::ascending;
 use std::collections::BTreeSet;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -11,6 +10,7 @@ use super::formula::PRICE_PER_COMPLEXITY;
 use super::study::{extended, motion};
 use crate::answer::Answer;
 use crate::engine::{System, stop};
+use crate::order::ascending;
 use crate::study::changed;
 use crate::study::declaration::Role;
 use crate::study::errors::errors;

@@ -1,6 +1,5 @@
 //! The law at a place of the rig, in windowed predictions.
 
-use crate::order::ascending;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -18,6 +17,7 @@ use crate::engine::held_out::HeldOut;
 use crate::engine::noise::Noise;
 use crate::engine::system::{Job, Span};
 use crate::engine::{System, stop};
+use crate::order::ascending;
 use crate::rig::coupled::Coupled;
 use crate::rig::extra::{Extra, Form, Place};
 use crate::rig::open::Rig;

@@ -1,10 +1,10 @@
 //! The effects of an answer: those chosen, those that the records cannot distinguish from them, and those that were
 //! tried.
 
-use crate::order::descending;
 use std::sync::Arc;
 
 use super::by_share::ByShare;
+use super::catalog::Candidate;
 use super::changed;
 use super::exact;
 use super::fits::{Fits, Model};
@@ -13,6 +13,10 @@ use super::model::{Action, Sensor, Study, Tap};
 use super::search::Selection;
 use crate::answer::{Effect, Parameter, Wiring};
 use crate::engine::{System, parallel, stop};
+use crate::order::descending;
+
+/// Friction level over the Stribeck peak that adds to it, up to which the peak is what is lacking first.
+const MAX_LEVEL_BELOW_PEAK: f64 = 0.1;
 
 /// Factor by which residuals that hang together widen intervals: power of sums over blocks against that of samples.
 fn widening(residuals: &[Vec<f64>]) -> f64 {
@@ -172,9 +176,17 @@ pub fn order(fits: &Fits, selection: &Selection) -> Vec<usize> {
     let needed = |&c: &usize| best.added.iter().position(|&own| fits.study.candidates[c].needs == Some(own));
     let needs: Vec<Option<usize>> = best.added.iter().map(needed).collect();
     let mut order: Vec<usize> = ranked(&gains, &needs).into_iter().map(|k| best.added[k]).collect();
-    // A level of nothing that another effect needs to act on is not what is lacking first.
-    order.sort_by_key(|&c| is_nothing(fits.study, best, c));
+    // A level of next to nothing that another effect needs to act on is not what is lacking first.
+    order.sort_by_key(|&c| is_nothing(fits.study, best, c) || is_below_peak(fits.study, best, c));
     order
+}
+
+/// Whether an effect is a friction level far below a Stribeck peak that adds to it.
+fn is_below_peak(study: &Study, model: &Model, c: usize) -> bool {
+    let first = |c: usize| model.fit.parameters[study.candidates[c].entries.start].abs();
+    let adds = |own: &Candidate| own.needs == Some(c) && own.may_stand_alone();
+    let mut adding = model.added.iter().filter(|&&other| adds(&study.candidates[other]));
+    adding.any(|&other| first(c) < MAX_LEVEL_BELOW_PEAK * first(other))
 }
 
 /// Whether the first parameter of an effect may as well be zero.

@@ -4,7 +4,6 @@
 //! A free form over such a variable takes away much of the residual, whatever the law may be; sensor noise depends on
 //! nothing. [`Judge`] also says when a model leaves no more than sensor noise.
 
-use crate::order::descending;
 use std::collections::BTreeMap;
 
 use super::fits::{Fits, Model};
@@ -15,6 +14,7 @@ use super::simulate::View;
 use crate::engine::System;
 use crate::engine::goodness::{Null, pooled};
 use crate::engine::{parallel, stop};
+use crate::order::descending;
 
 /// Powers within this factor of those of the noise are noise: its level is estimated.
 const MAX_POWER_OVER_NOISE: f64 = 1.3;

@@ -1,6 +1,5 @@
 //! Which candidates are missing: step by step with a look ahead to pairs, judged on what was held out.
 
-use crate::order::ascending;
 use std::sync::OnceLock;
 
 use super::catalog::Candidate;
@@ -12,6 +11,7 @@ use super::physical::{fitting, physical};
 use crate::answer::Stability;
 use crate::engine::fit::Free;
 use crate::engine::{parallel, stop};
+use crate::order::ascending;
 
 /// Share by which the error on what is held out has to fall for an effect to be added.
 pub const MIN_FALL_OF_HELD_OUT: f64 = 0.05;

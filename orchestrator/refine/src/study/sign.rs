@@ -1,7 +1,6 @@
 //! Signs of the columns of a study: the declared model is fitted with the other sign of every column, and of every
 //! signal where a column makes several.
 
-use crate::order::ascending;
 use toml::Spanned;
 
 use super::declaration::{File, Signal};
@@ -10,6 +9,7 @@ use super::model::Study;
 use super::read::Record;
 use crate::Error;
 use crate::answer::{Answer, Verdict};
+use crate::order::ascending;
 use crate::sign::{MIN_ERROR, RECORDS, is_wrong, words};
 
 /// A signal: its list (inputs, states, further signals, outputs) and its place there.
