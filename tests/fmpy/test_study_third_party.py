@@ -48,7 +48,7 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
     [
         ("furuta_m_cogging_tau", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pole.viscous"]'),
         # The speeds are measured, the position follows from them.
-        ("servo_m_cogging_tau_l", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pf.viscous"]'),
+        pytest.param("servo_m_cogging_tau_l", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pf.viscous"]', marks=pytest.mark.slow),
         # A mode that is damped without end is near a delay, and none.
         ("furuta_m_delay_tau", '["act.delay", "act.mode", "act.hysteresis"]', '["pole.viscous"]'),
     ],

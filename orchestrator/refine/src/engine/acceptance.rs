@@ -7,6 +7,10 @@ use super::normal::residuals;
 use super::question::{Step, Tried};
 use crate::share::percent;
 
+/// Ties by which a candidate at a bound of its parameters may leave less than one with fewer parameters that stands in
+/// its place.
+const TIES_AT_BOUND: f64 = 2.0;
+
 impl Run<'_> {
     /// Why a candidate is no effect that matters, if it is none.
     pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
@@ -67,6 +71,12 @@ impl Run<'_> {
         self.share(own) < s.min_held_out_share && tried.iter().any(outdoes)
     }
 
+    /// Whether a parameter of a candidate is at its upper bound.
+    fn is_at_bound(&self, tried: &Tried) -> bool {
+        let own = &self.question.candidates[tried.candidate].free;
+        own.iter().any(|f| tried.model.fit.parameters[f.index] >= f.bounds.1)
+    }
+
     /// The best of the candidates without objection: of those that leave about the least error the likeliest, or one
     /// with fewer parameters that takes as much away without corrections. Effects come before other values of declared
     /// parameters.
@@ -82,6 +92,18 @@ impl Run<'_> {
         let near = || tied().filter(|t| only_changes || !q.is_change(t.candidate));
         let likelier = |a: &&Tried, b: &&Tried| a.model.fit.chi2.total_cmp(&b.model.fit.chi2);
         let likeliest = near().min_by(likelier)?;
+        // One that wants more of a parameter than it may have imitates another: a mode damped without end a delay.
+        if self.is_at_bound(likeliest) {
+            let about_as_good = |t: &&Tried| {
+                size(t) < size(likeliest)
+                    && !q.is_change(t.candidate)
+                    && t.error <= likeliest.error + TIES_AT_BOUND * tie * self.whole_error
+            };
+            let imitated = sound.iter().copied().filter(about_as_good);
+            if let Some(imitated) = imitated.min_by(likelier) {
+                return Some(imitated);
+            }
+        }
         let simpler = |t: &&Tried| size(t) < size(likeliest) && t.alone >= likeliest.alone - tie;
         let simplest = near().filter(simpler).min_by(|a, b| size(a).cmp(&size(b)).then(likelier(a, b)));
         simplest.or(Some(likeliest))

@@ -5,7 +5,7 @@ use std::ops::Range;
 use airloop_series::compound_unit;
 
 use super::blocks::Survey;
-use super::command::{Command, MAX_DAMPING};
+use super::command::Command;
 use super::declaration::Attachment;
 use super::initial_guesses::initial_guesses;
 use super::kinds::{
@@ -445,7 +445,7 @@ fn memory(
         Command::Hysteresis => ([0.01, 0.05].map(|part| vec![part * size]).into(), [(0.0, size); 2]),
         Command::Mode => {
             let grid = [(0.06, 0.7), (0.025, 0.7), (0.01, 0.7), (0.025, 0.2), (0.01, 0.2), (0.005, 0.3)];
-            (grid.map(|(f, z)| vec![f / step, z]).into(), [(1e-4 / step, 0.4 / step), (0.01, MAX_DAMPING)])
+            (grid.map(|(f, z)| vec![f / step, z]).into(), [(1e-4 / step, 0.4 / step), (0.01, 3.0)])
         }
         Command::Lag => ([3.0, 15.0, 60.0].map(|k| vec![k * step]).into(), [(0.3 * step, 2000.0 * step); 2]),
         Command::Fill => {

@@ -1,10 +1,6 @@
 //! Effects on a measured command that have a memory: computed on the samples before the simulation. Before the first
 //! sample the command counts as the first, at which everything has settled: a pump need not have stood still.
 
-/// Damping ratio of a mode up to which it is fitted. A mode damped that much is a lag, and a command that is slow
-/// beside it cannot tell it from a delay.
-pub const MAX_DAMPING: f64 = 3.0;
-
 /// Kind of the change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {

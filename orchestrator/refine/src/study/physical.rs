@@ -1,7 +1,6 @@
 //! Models refused for lack of physical sense: friction that drives, and shapes that lie outside the range of the
 //! records.
 
-use super::command::{Command, MAX_DAMPING};
 use super::fits::{Fits, Model};
 use super::law::{Law, Variable};
 use super::model::{Action, Study};
@@ -63,12 +62,6 @@ pub fn contradiction(study: &Study, model: &Model) -> Option<(usize, String)> {
 /// is a constant force, so is an end stop, a long wave is a spring, a wide friction peak is Coulomb friction.
 fn hidden(study: &Study, model: &Model, c: usize) -> Option<String> {
     let (p, own) = (&model.fit.parameters, &study.candidates[c]);
-    if let Action::Command { kind: Command::Mode, .. }
-    | Action::Block { law: Law::Memory(Command::Mode), .. } = own.action
-    {
-        let damped = p[own.entries.end - 1] >= MAX_DAMPING;
-        return damped.then(|| "it would be damped so much that it is a delay or a lag".into());
-    }
     let Action::Block { law, tap } = own.action else {
         let beyond = own.id == "sensor.gain" && p[own.entries.start].abs() > MAX_SENSOR_GAIN;
         return beyond.then(|| "a sensor is not off by half of what it shows".into());
