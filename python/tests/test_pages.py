@@ -58,7 +58,7 @@ def repository(root, tmp_path_factory):
     """What the reader of the how-to has: examples and records of the repository, FMUs, and files of their own."""
     folder = tmp_path_factory.mktemp("how-to")
     shutil.copytree(root / "examples", folder / "examples")
-    named = re.findall(r"data/rig/(\w+)", (root / "docs" / "how-to.md").read_text(encoding="utf-8"))
+    named = re.findall(r"data/rig/(\w+)", "\n".join(lines(root, "docs/how-to.md")))
     for case in sorted({"v05", *named}):
         shutil.copytree(root / "data" / "rig" / case, folder / "data" / "rig" / case)
     shutil.copytree(_folders.FMUS, folder / "target" / "fmu")
