@@ -59,7 +59,7 @@ def repository(root, tmp_path_factory):
     folder = tmp_path_factory.mktemp("how-to")
     shutil.copytree(root / "examples", folder / "examples")
     named = re.findall(r"data/rig/(\w+)", "\n".join(lines(root, "docs/how-to.md")))
-    for case in sorted({"v05", *named}):
+    for case in sorted(set(named)):
         shutil.copytree(root / "data" / "rig" / case, folder / "data" / "rig" / case)
     shutil.copytree(_folders.FMUS, folder / "target" / "fmu")
     text = (root / "examples" / "01_run" / "system.ssd").read_text(encoding="utf-8")

@@ -1,5 +1,5 @@
-//! Lists in the order of a number. A sort of the standard library is some thousand lines of machine code for every list
-//! that has one; here the numbers are sorted by one function for all, and the elements follow.
+//! Lists in the order of a number. The compiler makes a sort of the standard library anew for every list, some
+//! thousand lines each; here the numbers are sorted by one function for all, and the elements follow.
 
 /// Puts `list` in the order of a value, the least first; elements with the same value stay in their order. Values that
 /// are no numbers come last.

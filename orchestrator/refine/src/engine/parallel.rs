@@ -66,8 +66,8 @@ pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
     slots.into_iter().filter_map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
 }
 
-/// `f(0)`, `f(1)` ... `f(count - 1)` on several threads. Compiled once for all functions: threads of its own in every
-/// caller took a tenth of the time of a build.
+/// `f(0)`, `f(1)` ... `f(count - 1)` on several threads. Compiled once for all functions: threads and a sort of its
+/// own for every caller were a tenth of the code that the compiler had to optimize.
 fn each(count: usize, f: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {

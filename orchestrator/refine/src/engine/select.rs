@@ -100,7 +100,7 @@ pub fn select<S: System + ?Sized>(
     let screened = promises.clone();
     let end = |stage, passing: Vec<Model>, tried: Vec<Model>| {
         let mut passing = passing;
-        ascending(&mut passing, |own| criterion(own));
+        ascending(&mut passing, criterion);
         let best = passing.remove(0);
         let equals = passing
             .into_iter()

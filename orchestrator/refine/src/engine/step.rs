@@ -48,11 +48,11 @@ impl Run<'_> {
         });
         let mut alone: Vec<(f64, Promise)> = errors.into_iter().zip(without).collect();
         ascending(&mut alone, |own| own.0);
-        // Corrections bent to do what an effect does keep it from its place where only that is known, not what a small
-        // step toward it gives.
+        // Corrections may have been bent to do what the effect does. From zero the linear step finds the way back; an
+        // effect that starts at values of its own begins where less is left, beside the corrections or without them.
         let straightened = |mut own: Promise| {
-            let is_placed = q.candidates[own.candidate].starts.iter().all(|start| start.open.is_empty());
-            let straight = alone.iter().find(|(_, other)| is_placed && other.candidate == own.candidate);
+            let has_values = q.candidates[own.candidate].starts.iter().all(|start| start.open.is_empty());
+            let straight = alone.iter().find(|(_, other)| has_values && other.candidate == own.candidate);
             if let Some((error, other)) = straight
                 && *error < q.held_out.error_from(&own.parameters, &records, &bent)
             {

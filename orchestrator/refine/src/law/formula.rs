@@ -239,7 +239,7 @@ impl<'a> Search<'a> {
             let rank = |own: &(f64, Formula)| {
                 0.5 * own.0.max(1e-300).ln() + PRICE_PER_COMPLEXITY * own.1.complexity() as f64
             };
-            ascending(&mut next, |own| rank(own));
+            ascending(&mut next, rank);
             let mut kept: Vec<Formula> = Vec::new();
             for (_, own) in next {
                 if kept.len() < 2 * BEAM && !kept.iter().any(|known| known.same_form(&own)) {

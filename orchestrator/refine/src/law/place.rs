@@ -112,7 +112,7 @@ impl Finder<'_> {
             let drives = form.surface.variables == [Variable::Value];
             form.at.gain() * if drives { WEIGHT_OF_VALUE } else { 1.0 }
         };
-        descending(&mut singles, |own| gain(own));
+        descending(&mut singles, gain);
         let most = gain(singles.first()?);
         let near = |form: &FreeForm| gain(form) > MIN_GAIN_OF_OTHER_PORT * most;
         let hopeful = |form: &FreeForm| form.is_hopeful(noise);

@@ -298,7 +298,7 @@ impl Finder<'_> {
                 forms.extend(variables(place).1.iter().filter_map(|both| self.form(place, both, 2)));
             }
         }
-        ascending(&mut forms, |own| held_out(own));
+        ascending(&mut forms, held_out);
         // What something in time or over two variables does not explain, a simpler law may.
         let mut best: Option<Outcome> = None;
         for _ in 0..FORMS {
@@ -359,7 +359,7 @@ impl Finder<'_> {
         tried.retain(|(fit, ..)| form.at.smooth.without - fit.chi2 >= MIN_SHARE_OF_FREE_FORM * ceiling);
         let rank =
             |own: &(Fit, Arc<Own>, f64, usize)| 0.5 * own.0.chi2.ln() + PRICE_PER_COMPLEXITY * own.3 as f64;
-        ascending(&mut tried, |own| rank(own));
+        ascending(&mut tried, rank);
         let named = !tried.is_empty();
         let rivals: Vec<(String, f64)> = tried
             .iter()

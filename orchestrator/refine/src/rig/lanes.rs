@@ -10,17 +10,16 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lanes<const L: usize>(pub [f64; L]);
 
-/// Most lanes side by side.
-pub const MAX_LANES: usize = 9;
-
 /// One number per lane, line by line: a simulation is made of thousands of these, and with a loop in each the compiler
 /// took minutes to unroll them one by one. Functions of many lines have a loop, which becomes vector instructions.
 #[inline(always)]
 pub fn each<const L: usize>(value: impl Fn(usize) -> f64) -> Lanes<L> {
-    const { assert!(L <= MAX_LANES) };
     let mut found = [0.0; L];
     macro_rules! lanes {
-        ($($lane:literal)*) => { $(if $lane < L { found[$lane] = value($lane); })* };
+        ($($lane:literal)*) => {
+            const { assert!(L <= [$($lane),*].len()) };
+            $(if $lane < L { found[$lane] = value($lane); })*
+        };
     }
     lanes!(0 1 2 3 4 5 6 7 8);
     Lanes(found)

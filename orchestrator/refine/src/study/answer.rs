@@ -21,7 +21,7 @@ use super::sign_change;
 use super::smoothed;
 use super::starts;
 use super::whole::Whole;
-use super::windowed_starts;
+use super::windowed_periods;
 use super::with_corrections;
 use crate::Error;
 use crate::answer::{Answer, Effect, Settings, Verdict};
@@ -38,9 +38,9 @@ use crate::law::study::{self as law, Aim};
 /// Share of a limited time that the search for an explanation to the noise may use.
 const EXACT_SHARE_OF_TIME: f64 = 0.5;
 
-/// Share by which the residual of effects may fall with finer steps of integration for them to stand: where it falls by
-/// more, the error of the integration had been searched as well.
-const MAX_FALL_BY_FINER_STEPS: f64 = 0.15;
+/// Share by which finer steps of integration may change the residual of effects for them to stand: where they change it
+/// by more, the error of the integration had been searched as well.
+const MAX_CHANGE_BY_FINER_STEPS: f64 = 0.15;
 
 /// Share of the error on validation records that one of several effects which do the same on estimation records must
 /// take away to stand in place of another that validation records refuse: more than others, as it is chosen by them.
@@ -75,7 +75,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let mut model = steps(&mut study, &scale, &declared);
     make_stable(&mut study, &scale, &mut model);
     periods::propose(&mut study, &scale, &model);
-    windowed_starts::propose(&mut study, &scale, &model);
+    windowed_periods::propose(&mut study, &scale, &model);
     let fits = Fits::new(&study, scale.clone()).quickened(&model);
     let mut quick = fits.quick;
     say("noise floor");
@@ -328,8 +328,8 @@ fn finely_beside(
     let fits = Fits::new(study, scale.to_vec());
     let search = by_share::Search { fits: &fits, judge, units: scale, settings, say };
     let fine = search.fitted(coarse, &coarse.added, &best.fit.parameters);
-    let fall = 1.0 - fine.selection.best.error / best.error;
-    let answer = (fall < MAX_FALL_BY_FINER_STEPS && !stop::asked())
+    let change = (fine.selection.best.error / best.error - 1.0).abs();
+    let answer = (change < MAX_CHANGE_BY_FINER_STEPS && !stop::asked())
         .then(|| assemble(&fits, judge, &fine.selection, Some(&fine), settings))
         .filter(|answer| answer.verdict == Verdict::Effect);
     if answer.is_none() {

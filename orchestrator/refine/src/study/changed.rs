@@ -28,7 +28,7 @@ pub fn changed(study: &Study, fit: &Fit, most: f64) -> Vec<Free> {
     };
     let mut own = corrected(study, fit);
     own.retain(|free| tolerances(free) > most);
-    descending(&mut own, |own| tolerances(own));
+    descending(&mut own, tolerances);
     own.into_iter().map(|free| Free { prior: None, ..free }).collect()
 }
 

@@ -85,7 +85,7 @@ mod taps;
 mod time_grid;
 pub mod tolerance;
 pub mod whole;
-mod windowed_starts;
+mod windowed_periods;
 mod with_corrections;
 
 use std::path::Path;

@@ -1,10 +1,10 @@
-//! Starts of forces that repeat along the way, from fits over windows of the records that grow.
+//! Periods of a force that repeats along the way, from fits over windows of the records that grow: starts of the
+//! candidate over whole records.
 //!
 //! Once the declared model is half a period away from the measured motion, the force that it would feel has nothing to
 //! do with the one that acted, and no step from there leads anywhere. In short windows that begin as measured the
 //! motion stays near the measured one: every period is compared there by the linear step, the best ones are fitted with
-//! the first states of all windows, then over longer windows, in the end over whole records. What they come to is the
-//! start of the candidate.
+//! the first states of all windows, then over longer windows, in the end over whole records.
 
 use super::beside::linear_step;
 use super::fits::{Fits, Model};
@@ -44,7 +44,7 @@ pub fn propose(study: &mut Study, scale: &[f64], declared: &Model) {
         let fits = Fits::new(study, scale.to_vec()).quickened(declared);
         let windows = |count: usize| Windows::new(&fits, declared, count);
         let Some((short, long)) = windows(WINDOWS).zip(windows(LONG_WINDOWS)) else { return };
-        let own = Ladder { fits: &fits, declared, rungs: [short, long] };
+        let own = Windowed { fits: &fits, declared, windows: [short, long] };
         periodic.iter().map(|&c| own.start(c)).collect()
     };
     for (c, start) in periodic.into_iter().zip(found) {
@@ -64,17 +64,18 @@ struct Start {
     share: f64,
 }
 
-/// The records in windows, shorter ones first.
-struct Ladder<'a> {
+/// The records in windows: short ones, long ones.
+struct Windowed<'a> {
     fits: &'a Fits<'a>,
     declared: &'a Model,
-    rungs: [Windows; 2],
+    windows: [Windows; 2],
 }
 
-impl Ladder<'_> {
+impl Windowed<'_> {
+    /// The start of a candidate; none where no period takes enough away over windows.
     fn start(&self, c: usize) -> Option<Start> {
         let (fits, declared) = (self.fits, self.declared);
-        let [short, long] = &self.rungs;
+        let [short, long] = &self.windows;
         let (without, starts) = self.compared(c, short)?;
         let fitted = self.fitted(c, short, starts, without);
         let best: Vec<Vec<f64>> = fitted.into_iter().take(FITTED_LONG).map(|own| own.parameters).collect();
