@@ -1,6 +1,6 @@
 //! A study from the declaration to the answer in the terms of the vocabulary: records and system, searches, verdict.
 
-use super::assembled::{assemble, first_place, fitted, notes};
+use super::assembled::{assemble, chosen_by_validation, first_place, fitted, notes};
 use super::by_share::{self, ByShare};
 use super::colored;
 use super::declaration::File;
@@ -396,7 +396,6 @@ fn other_of_equals(
         return None;
     }
     let by_share::Search { fits, judge, settings, .. } = *search;
-    let name = |c: usize| fits.study.candidates.get(c).map(|own| format!("`{}`", own.name()));
     selection.equals.iter().find_map(|(lacking, model)| {
         let (other, mut answer) = match by_share {
             Some(own) => {
@@ -413,12 +412,8 @@ fn other_of_equals(
         };
         let stands = answer.verdict == Verdict::Effect
             && answer.share.is_some_and(|share| share >= MIN_SHARE_OF_OTHER_OF_EQUALS);
-        let new = model.added.iter().find(|c| !selection.best.added.contains(c)).and_then(|&c| name(c));
-        answer.notes.extend(new.zip(name(*lacking)).map(|(new, old)| {
-            format!(
-                "Estimation records cannot tell {new} from {old}; validation records refuse {old} and bear out {new}, so here they chose."
-            )
-        }));
+        let new = model.added.iter().find(|c| !selection.best.added.contains(c));
+        answer.notes.extend(new.and_then(|&new| chosen_by_validation(fits.study, new, *lacking)));
         stands.then_some((other, answer))
     })
 }

@@ -72,6 +72,15 @@ pub(super) fn assemble(
         None => rule(fits, judge, selection, [&before[1], &after[1]], &of_declared, share),
     };
     let chosen = verdict == Verdict::Effect;
+    // Where validation records bear out the effects and refuse others that do the same on estimation records, these are
+    // no rivals.
+    let is_refused = |model: &Model| {
+        let after = stop::finish(|| all(model).1);
+        taken(&after[1], &on_validation(model)) < settings.forward_selection.min_validated_share
+    };
+    let (refused, equals): (Vec<_>, Vec<_>) =
+        selection.equals.iter().cloned().partition(|(_, model)| chosen && is_refused(model));
+    let selection = &Selection { equals, ..selection.clone() };
     let most = settings.forward_selection.max_tolerances;
     let mut effects = effects(fits, selection, chosen, by_share, most);
     if let Some(found) = by_share {
@@ -134,6 +143,10 @@ pub(super) fn assemble(
     notes.extend(remarks::noise(judge, model));
     notes.extend(remarks::leftover(fits, judge, model, &rest));
     notes.extend(by_share.and_then(|found| found.told.clone()));
+    notes.extend(refused.iter().filter_map(|(lacking, model)| {
+        let other = model.added.iter().find(|c| !selection.best.added.contains(c));
+        chosen_by_validation(study, *lacking, *other?)
+    }));
     let unexplained = (verdict == Verdict::Unexplained)
         .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
     Answer {
@@ -161,6 +174,16 @@ pub(super) fn assemble(
         notes,
         ..Answer::default()
     }
+}
+
+/// Sentence on two candidates that estimation records cannot tell apart and validation records can; none where
+/// one of them is another value of a declared parameter.
+pub(super) fn chosen_by_validation(study: &Study, chosen: usize, refused: usize) -> Option<String> {
+    let name = |c: usize| study.candidates.get(c).map(|own| format!("`{}`", own.name()));
+    let (chosen, refused) = (name(chosen)?, name(refused)?);
+    Some(format!(
+        "Estimation records cannot tell {chosen} from {refused}; validation records refuse {refused} and bear out {chosen}, so here they chose."
+    ))
 }
 
 /// Sentences on the study and on what a model leaves; its `errors` on validation records and what noise gives there.
