@@ -18,6 +18,8 @@ pub struct Grid {
 
 /// A remainder below this fraction of a step is rounding, not a step of its own.
 const MIN_FRACTION_OF_STEP: f64 = 1e-6;
+/// A span below this fraction of its times is rounding of them.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// Largest number of steps whose numbers are exact in a double.
 const MAX_STEPS: f64 = 9.0e15;
 
@@ -48,7 +50,9 @@ impl Grid {
         // Large times are rounded by themselves: in seconds since 1970 to 0.2 microseconds.
         let rounded = start.abs().max(stop.abs()) * f64::EPSILON / step;
         let slack = (MIN_FRACTION_OF_STEP + 2.0 * rounded).min(0.5);
-        let steps = (ratio - slack).ceil().max(0.0) as u64;
+        // A step that is longer than the span by far is one step; a span that is rounding is none.
+        let least = u64::from(stop - start > ROUNDING * start.abs().max(stop.abs()));
+        let steps = ((ratio - slack).ceil().max(0.0) as u64).max(least);
         let rate = Some((1.0 / step).round()).filter(|rate| *rate >= 1.0 && 1.0 / rate == step);
         Ok(Grid { start, stop, step, rate, steps, slack })
     }
@@ -133,6 +137,15 @@ mod tests {
         assert_eq!((grid.steps(), grid.time(4)), (4, 2.0));
         assert!((grid.last_step() - 0.1).abs() < 1e-12 && grid.shortened());
         assert_eq!(grid.step_size(0), 0.3);
+    }
+
+    #[test]
+    fn a_step_that_is_longer_than_the_span_is_one_step() {
+        for step in [10.0, 1e7, 1e9, 1e30] {
+            let grid = Grid::new(0.0, 4.0, step).unwrap();
+            assert_eq!((grid.steps(), grid.last_step()), (1, 4.0), "{step}");
+        }
+        assert_eq!(Grid::new(0.3, 0.1 + 0.2, 1e9).unwrap().steps(), 0);
     }
 
     #[test]
