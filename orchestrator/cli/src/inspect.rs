@@ -69,20 +69,15 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::SUCCESS);
     }
     let is_fmu = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("fmu"));
-    let (fmus, text, mut value) = if is_fmu {
-        let fmu = Fmu::open(&args.file)?;
-        let (text, value) = (describe(&fmu), json(&fmu));
-        (vec![fmu], text, value)
-    } else {
-        let graph = SystemGraph::open_to_read(&args.file)?;
-        let (text, value) = (inspect_system::describe(&graph), inspect_system::json(&graph));
-        let mut fmus: Vec<Arc<Fmu>> = Vec::new();
-        for component in &graph.components {
-            if !fmus.iter().any(|fmu| Arc::ptr_eq(fmu, &component.fmu)) {
-                fmus.push(Arc::clone(&component.fmu));
-            }
+    // The graph owns the folder where the FMUs of a package are unpacked, which the checker reads.
+    let graph = (!is_fmu).then(|| SystemGraph::open_to_read(&args.file)).transpose()?;
+    let (fmus, text, mut value) = match &graph {
+        None => {
+            let fmu = Fmu::open(&args.file)?;
+            let (text, value) = (describe(&fmu), json(&fmu));
+            (vec![fmu], text, value)
         }
-        (fmus, text, value)
+        Some(graph) => (fmus_of(graph), inspect_system::describe(graph), inspect_system::json(graph)),
     };
     if !args.check {
         print(&if args.json { format!("{value:#}\n") } else { text })?;
@@ -117,6 +112,17 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         return Ok(ExitCode::from(super::INTERRUPTED));
     }
     Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The FMUs of a system, each once.
+fn fmus_of(graph: &SystemGraph) -> Vec<Arc<Fmu>> {
+    let mut fmus: Vec<Arc<Fmu>> = Vec::new();
+    for component in &graph.components {
+        if !fmus.iter().any(|fmu| Arc::ptr_eq(fmu, &component.fmu)) {
+            fmus.push(Arc::clone(&component.fmu));
+        }
+    }
+    fmus
 }
 
 /// Findings of the checker in one FMU, worst first; printed unless `silent`. The library runs for `limit` at most and

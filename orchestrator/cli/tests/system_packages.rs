@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use airloop_cosim::system::SystemGraph;
+use airloop_testing::fmu_library::{FIRST_ORDER, compiled};
 use airloop_testing::slave::{component, folder, folder_without_library, ssd};
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
@@ -124,4 +125,19 @@ fn inspect_and_run_show_places_inside_of_the_package() {
     airloop(&["run", "p.ssp", "--stop", "1", "-o", "out"]);
     let summary = std::fs::read_to_string(folder.path().join("out/summary.json")).unwrap();
     assert!(summary.contains("\"path\": \"p.ssp:resources/slave.fmu\""), "{summary}");
+}
+
+#[test]
+fn the_checker_runs_the_fmus_of_a_package() {
+    let folder = TempDir::new().unwrap();
+    compiled(&folder, "first_order.c", FIRST_ORDER, &[]);
+    let fmu = std::fs::read(folder.path().join("m.fmu")).unwrap();
+    let one = "<ssd:Component name=\"a\" source=\"resources/m.fmu\"/>";
+    let text = ssd("", one, "", "");
+    let entries = [("SystemStructure.ssd", text.as_bytes()), ("resources/m.fmu", &fmu[..])];
+    let path = package(&folder, "p.ssp", &entries);
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_airloop")).args(["inspect", "--check"]).arg(path).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("0 errors"), "{text}");
 }
