@@ -29,7 +29,7 @@ impl std::fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{}; a motion was found with {:.3} times that limit, none with {:.3} times",
+            "{} by the nearest motion that was found (not the one that is written): it needs {:.3} times that limit, and with {:.3} times none was found",
             self.violation, self.factor.1, self.factor.0
         )
     }

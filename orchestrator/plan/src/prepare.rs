@@ -116,7 +116,8 @@ pub fn prepare_statement(statement: Statement, began: Instant) -> Result<Prepare
     Ok(Prepared { setup, dynamics, resets, cycle })
 }
 
-fn open(statement: &Statement) -> Result<SystemGraph, Error> {
+/// The system of a problem, with the parameters that its own files give.
+pub(super) fn open(statement: &Statement) -> Result<SystemGraph, Error> {
     if !statement.system_file.exists() {
         let problem = format!("there is no file {}; correct `system`", statement.system_file.display());
         return Err(statement.source.error_at(statement.system.place, problem));

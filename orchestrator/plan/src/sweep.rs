@@ -5,9 +5,10 @@ use std::time::Instant;
 use super::file::phase::Duration;
 use super::file::{Quantity, StartValue, Statement, Text};
 use super::guess::Rough;
-use super::prepare::{Prepared, prepare_statement};
+use super::prepare::{Prepared, open, prepare_statement};
 use super::solve::{Begin, Monitor, Session, Settings, Solved};
 use super::{Error, guess};
+use airloop_cosim::system::SystemGraph;
 use airloop_ocp::transcription::Outcome;
 use airloop_optim::Status;
 
@@ -43,9 +44,13 @@ pub fn sweep(
 ) -> Result<Vec<Step>, Error> {
     let mut steps: Vec<Step> = Vec::new();
     let mut earlier: Option<Outcome> = None;
+    let graph = (name != DURATION).then(|| open(statement)).transpose()?;
     for &value in values {
         let own = changed(statement, name, value)?;
-        let solved = one(own, settings, choice, earlier.as_ref(), monitor);
+        let solved = match graph.as_ref().map_or(Ok(()), |graph| check(graph, name, value)) {
+            Ok(()) => one(own, settings, choice, earlier.as_ref(), monitor),
+            Err(refused) => Err(refused),
+        };
         let mut interrupted = false;
         if let Ok((_, _, solved)) = &solved {
             match solved.status() {
@@ -60,6 +65,12 @@ pub fn sweep(
         }
     }
     Ok(steps)
+}
+
+/// A parameter that the system does not have, or a value that it cannot have, is told as one of the sweep: no line of
+/// the problem file says it.
+fn check(graph: &SystemGraph, name: &str, value: f64) -> Result<(), Error> {
+    Ok(graph.clone().set_start(name, &value.to_string(), &format!("--sweep {name}: value {value}"))?)
 }
 
 fn one(

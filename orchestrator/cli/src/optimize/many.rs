@@ -8,6 +8,7 @@ use super::args::Sweep;
 use super::write::status_name;
 use crate::table::table;
 use airloop::Error;
+use airloop_optim::Status;
 use airloop_plan::guess::Rough;
 use airloop_plan::multistart::{Multistart, multistart};
 use airloop_plan::prepare::Prepared;
@@ -75,45 +76,85 @@ fn start_table(found: &Multistart) -> Table {
         .collect();
     let solved = found.outcomes.iter().filter(|outcome| outcome.minimum.is_some()).count();
     let text = format!(
-        "{solved} of {} starts converged, to {} distinct minima\n{}\n",
+        "{solved} of {} starts converged, to {} distinct {}\n{}\n",
         found.outcomes.len(),
         found.minima.len(),
+        if found.minima.len() == 1 { "minimum" } else { "minima" },
         table(&["minimum", "objective", "starts"], &rows, &[0, 1, 2])
     );
     Table { name: MULTISTART, csv, text }
 }
 
-/// The table of a sweep.
-pub fn sweep_table(sweep: &Sweep, steps: &[Step]) -> Table {
-    let mut csv = format!("{},status,objective,iterations,max_defect,max_bound_violation\n", sweep.name);
-    let mut rows = Vec::new();
-    for step in steps {
-        let value = step.value;
-        let (status, objective, iterations) = match &step.solved {
-            Ok((_, _, solved)) => {
-                let objective = solved.last().solution.objective;
-                csv += &format!(
-                    "{value},{},{objective},{},{:e},{:e}\n",
-                    status_name(solved.status()),
-                    solved.iterations(),
-                    solved.max_defect,
-                    solved.max_bound_violation
-                );
-                (
-                    status_name(solved.status()).to_owned(),
-                    format!("{objective:.6}"),
-                    solved.iterations().to_string(),
-                )
-            }
-            Err(error) => {
-                csv += &format!("{value},failed,,,,\n");
-                (error.to_string(), String::new(), String::new())
-            }
+/// Outcomes of a sweep.
+pub struct Swept {
+    name: String,
+    rows: Vec<Row>,
+    /// Row of the plan that goes into the files.
+    kept: Option<usize>,
+}
+
+/// Outcome of one value of a sweep.
+struct Row {
+    value: f64,
+    solved: Result<Figures, String>,
+}
+
+/// Figures of a solve.
+struct Figures {
+    status: &'static str,
+    objective: f64,
+    iterations: usize,
+    max_defect: f64,
+    max_bound_violation: f64,
+}
+
+impl Swept {
+    /// Outcomes of the steps of a sweep.
+    pub fn new(sweep: &Sweep, steps: &[Step]) -> Swept {
+        let figures = |(_, _, solved): &(Prepared, Rough, Solved)| Figures {
+            status: status_name(solved.status()),
+            objective: solved.last().solution.objective,
+            iterations: solved.iterations(),
+            max_defect: solved.max_defect,
+            max_bound_violation: solved.max_bound_violation,
         };
-        rows.push(vec![format!("{value}"), status, objective, iterations]);
+        let row = |step: &Step| Row {
+            value: step.value,
+            solved: step.solved.as_ref().map(figures).map_err(ToString::to_string),
+        };
+        Swept { name: sweep.name.clone(), rows: steps.iter().map(row).collect(), kept: kept(steps) }
     }
-    let text = table(&[&sweep.name, "status", "objective", "iterations"], &rows, &[0, 2, 3]) + "\n";
-    Table { name: SWEEP, csv, text }
+
+    /// The table; `infeasible`: a closer look at the plan that goes into the files found that no motion keeps the
+    /// limits.
+    pub fn table(&self, infeasible: bool) -> Table {
+        let mut csv = format!("{},status,objective,iterations,max_defect,max_bound_violation\n", self.name);
+        let mut rows = Vec::new();
+        for (number, Row { value, solved }) in self.rows.iter().enumerate() {
+            rows.push(match solved {
+                Ok(own) => {
+                    let Figures { objective, iterations, max_defect, max_bound_violation, .. } = own;
+                    let looked_at = infeasible && self.kept == Some(number);
+                    let status = if looked_at { status_name(&Status::Infeasible) } else { own.status };
+                    csv += &format!(
+                        "{value},{status},{objective},{iterations},{max_defect:e},{max_bound_violation:e}\n"
+                    );
+                    vec![
+                        value.to_string(),
+                        status.to_owned(),
+                        format!("{objective:.6}"),
+                        iterations.to_string(),
+                    ]
+                }
+                Err(error) => {
+                    csv += &format!("{value},failed,,,,\n");
+                    vec![value.to_string(), error.clone(), String::new(), String::new()]
+                }
+            });
+        }
+        let text = table(&[&self.name, "status", "objective", "iterations"], &rows, &[0, 2, 3]) + "\n";
+        Table { name: SWEEP, csv, text }
+    }
 }
 
 /// Values of a sweep, first and last included.
@@ -121,26 +162,22 @@ pub fn values(sweep: &Sweep) -> Vec<f64> {
     airloop_plan::sweep::values(sweep.from, sweep.to, sweep.count)
 }
 
-/// The last plan of a sweep that was solved, or the last of all.
+/// Place of the last plan of a sweep that was solved, or of the first of all.
+fn kept(steps: &[Step]) -> Option<usize> {
+    let found = |step: &Step| step.solved.is_ok();
+    let finished = |step: &Step| step.solved.as_ref().is_ok_and(|(.., solved)| super::finished(solved));
+    steps.iter().rposition(finished).or_else(|| steps.iter().position(found))
+}
+
+/// The plan of a sweep that goes into the files.
 ///
 /// # Errors
 /// Fails if there is none.
-pub fn last(steps: Vec<Step>) -> Result<(Prepared, Rough, Solved), Error> {
-    let mut kept: Option<(Prepared, Rough, Solved)> = None;
-    let mut failure = None;
-    for step in steps {
-        match step.solved {
-            Ok(found) if kept.is_none() || super::finished(&found.2) => kept = Some(found),
-            Ok(_) => {}
-            Err(error) => failure = Some(error),
-        }
-    }
-    match (kept, failure) {
-        (Some(kept), _) => Ok(kept),
-        (None, Some(error)) => Err(error.into()),
-        (None, None) => {
-            let problem = "it has no value".to_owned();
-            Err(airloop_plan::Error::Place { place: "--sweep".into(), problem }.into())
-        }
-    }
+pub fn last(mut steps: Vec<Step>) -> Result<(Prepared, Rough, Solved), Error> {
+    let place = kept(&steps).or_else(|| steps.len().checked_sub(1));
+    let Some(place) = place else {
+        let problem = "it has no value".to_owned();
+        return Err(airloop_plan::Error::Place { place: "--sweep".into(), problem }.into());
+    };
+    Ok(steps.swap_remove(place).solved?)
 }

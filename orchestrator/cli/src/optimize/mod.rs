@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         }
         found => found?,
     };
-    let Found { prepared, rough, solved, table, loaded, instances } = &found;
+    let Found { prepared, rough, solved, table, swept, loaded, instances } = &found;
     let diagnosis = match doubtful(solved) && !stop.load(Ordering::Relaxed) {
         true => diagnose(prepared, &settings, rough, solved, args.quiet, &stop)?,
         false => None,
@@ -97,6 +97,9 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         true => deliver::deliver(prepared, solved.trajectory(), &stop)?,
         false => None,
     };
+    let infeasible = diagnosis.is_some() || departure.is_some();
+    let swept = swept.as_ref().map(|swept| swept.table(infeasible));
+    let table = table.as_ref().or(swept.as_ref());
     let results = write::Results {
         prepared,
         solved,
@@ -106,7 +109,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         notes: &rough.notes,
         problem_file: problem,
         times: [*loaded, *instances, verified],
-        table: table.as_ref(),
+        table,
         diagnosis: diagnosis.as_ref(),
         departure: departure.as_ref(),
         closure: closure.as_ref(),
@@ -123,7 +126,8 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         if let Some(table) = table {
             output::print(&table.text)?;
         }
-        output::print(&text::report(&summary, &args.output, !args.no_plots))?;
+        let refused = infeasible || !(finished(solved) || solved.status() == &Status::Interrupted);
+        output::print(&text::report(&summary, &args.output, !args.no_plots, refused))?;
     }
     if let Some(departure) = departure {
         output::to_stderr(&format!("error: {}\n{departure}", write::NO_SEQUENCE));
@@ -137,8 +141,10 @@ struct Found {
     prepared: Prepared,
     rough: Rough,
     solved: Solved,
-    /// Table of many solves.
+    /// Table of many starts.
     table: Option<many::Table>,
+    /// Outcomes of a sweep.
+    swept: Option<many::Swept>,
     /// Time of loading, and of making instances.
     loaded: Duration,
     instances: Duration,
@@ -166,10 +172,11 @@ fn search(
         let steps =
             airloop_plan::sweep::sweep(&statement, settings, choice, (&sweep.name, &values), &mut monitor)?;
         bar.finish_and_clear();
-        let table = Some(many::sweep_table(sweep, &steps));
+        let swept = Some(many::Swept::new(sweep, &steps));
         let (prepared, rough, solved) = many::last(steps)?;
         let loaded = prepared.load;
-        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+        let instances = Duration::ZERO;
+        return Ok(Found { prepared, rough, solved, table: None, swept, loaded, instances });
     }
     let mut prepared = prepare_statement(statement, began)?;
     airloop_plan::start::check(&prepared.setup)?;
@@ -185,13 +192,14 @@ fn search(
         let (solved, table) = many::starts(&prepared, settings, &rough, starts, stop, &bar)?;
         bar.finish_and_clear();
         let table = Some(table);
-        return Ok(Found { prepared, rough, solved, table, loaded, instances: Duration::ZERO });
+        let instances = Duration::ZERO;
+        return Ok(Found { prepared, rough, solved, table, swept: None, loaded, instances });
     }
     let mut session = Session::new(&prepared, settings.threads)?;
     let instances = began.elapsed() - loaded;
     let solved = session.solve(&prepared.setup, settings, Begin::From(&rough), &mut monitor)?;
     bar.finish_and_clear();
-    Ok(Found { prepared, rough, solved, table: None, loaded, instances })
+    Ok(Found { prepared, rough, solved, table: None, swept: None, loaded, instances })
 }
 
 /// Whether the system could not be evaluated where it has to be.

@@ -132,26 +132,26 @@ pub fn iteration(progress: &Progress) -> String {
     )
 }
 
-/// Text that is printed at the end.
-pub fn report(summary: &Summary, folder: &Path, plots: bool) -> String {
+/// Text that is printed at the end; `refused`: how the search ended goes to the standard error.
+pub fn report(summary: &Summary, folder: &Path, plots: bool, refused: bool) -> String {
     let intervals: Vec<String> = summary.intervals.iter().map(usize::to_string).collect();
     let mut text = format!(
-        "{}: {} with {} intervals from guess {}\n{}\n",
+        "{}: {} with {} intervals from guess {}\n",
         summary.problem,
         summary.transcription,
         intervals.join(" + "),
-        summary.guess,
-        summary.message
+        summary.guess
     );
-    for problem in [&summary.worst, &summary.blocking].into_iter().flatten() {
-        text += &format!("{problem}\n");
+    let ended = [Some(&summary.message), summary.worst.as_ref()].map(|line| line.filter(|_| !refused));
+    for line in ended.into_iter().chain([summary.blocking.as_ref()]).flatten() {
+        text += &format!("{line}\n");
     }
     if let Some(objective) = summary.objective {
         text += &format!("objective {objective:.8}");
     }
     let durations: Vec<String> = summary.durations.iter().map(|time| format!("{} s", short(*time))).collect();
     text += &format!(
-        ", duration {}, {} iterations, largest defect {}, largest violation {}\n",
+        ", duration {}, {} iterations, largest defect {}, largest violation at the nodes {}\n",
         durations.join(" + "),
         summary.iterations,
         short(summary.max_defect),

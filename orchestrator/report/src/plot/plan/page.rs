@@ -67,7 +67,7 @@ fn numbers(html: &mut String, plan: &Plan) {
     row(html, "duration", &durations.join(" + "));
     row(html, "iterations", &summary.iterations.to_string());
     row(html, "largest defect", &short(summary.max_defect));
-    row(html, "largest violation of a bound", &short(summary.max_bound_violation));
+    row(html, "largest violation of a bound at the nodes", &short(summary.max_bound_violation));
     if let Some(error) = &summary.open_loop_final_error {
         for (name, error) in [("continuous", error.continuous), ("sampled", error.sampled)] {
             if let Some(error) = error {
