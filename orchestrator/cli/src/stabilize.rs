@@ -189,6 +189,9 @@ fn write_predictive(own: &Predictive, graph: &SystemGraph, fmu: &Path) -> Result
 fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> {
     let refuse =
         |problem: &str| PlanError::Place { place: plan.display().to_string(), problem: problem.into() };
+    if !plan.exists() {
+        return Err(refuse("there is no such file or folder").into());
+    }
     if !plan.is_dir() {
         let missing = || refuse("a trajectory alone does not say what it belongs to; give --problem FILE");
         return Ok((plan.to_owned(), args.problem.clone().ok_or_else(missing)?, args.hold));
@@ -200,6 +203,14 @@ fn sources(plan: &Path, args: &Args) -> Result<(PathBuf, PathBuf, bool), Error> 
         return Err(refuse(problem).into());
     }
     let summary = plan_record::read(&file).map_err(plot::Error::from)?;
+    if !matches!(&*summary.status, "solved" | "acceptable") {
+        let problem = format!(
+            "the search for this plan ended without one (`status` {}, largest defect {}): the system cannot follow it; go on with `airloop optimize --resume`, relax the problem, or give {TRAJECTORY} and --problem to stabilize it all the same",
+            summary.status,
+            short(summary.max_defect)
+        );
+        return Err(refuse(&problem).into());
+    }
     let held = summary.signals.iter().any(|signal| signal.kind == "input" && signal.held);
     let problem = match &args.problem {
         Some(given) => given.clone(),

@@ -256,10 +256,25 @@ fn an_infeasible_task_names_the_constraint_that_stands_in_the_way() {
         assert_eq!(output.status.code(), Some(20), "{}", text(&output.stderr));
         assert!(text(&output.stderr).contains("infeasible"), "{}", text(&output.stderr));
         assert!(text(&output.stderr).contains("violated by"), "{}", text(&output.stderr));
+        assert!(!text(&output.stdout).contains("violated by"), "{}", text(&output.stdout));
         let summary = summary(&folder);
         assert_eq!(summary.status, "infeasible");
         assert!(summary.worst.is_some());
     }
+}
+
+#[test]
+fn the_table_of_a_sweep_says_what_the_verdict_says() {
+    if example().is_none() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let problem = changed(&folder, &[("\"-150 mm\"", "\"-5 mm\""), ("\"150 mm\"", "\"5 mm\"")]);
+    let words = ["--sweep", "T=2..1.9:2", "--intervals", "50", "--max-iterations", "300"];
+    let output = optimize(&folder, &problem, &words);
+    assert_eq!(output.status.code(), Some(20), "{}", text(&output.stderr));
+    let table = std::fs::read_to_string(folder.path().join("out/sweep.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().starts_with("2,infeasible,"), "{table}");
 }
 
 #[test]
@@ -268,7 +283,8 @@ fn what_cannot_begin_says_why() {
         return;
     }
     type Case<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str], &'a str);
-    let cases: [Case; 6] = [
+    let cases: [Case; 7] = [
+        (&[], &["--sweep", "Q=1..2"], "--sweep Q: value 2: there is no variable `Q`"),
         (
             &[],
             &["--transcription", "multiple-shooting", "--intervals", "300"],
@@ -309,6 +325,13 @@ fn a_search_that_was_cut_short_goes_on_from_where_it_was() {
     let first = summary(&folder);
     assert_eq!((first.status.as_str(), first.iterations), ("iteration_limit", 20));
     assert!(first.open_loop_final_error.is_none());
+    let settings = example.join("stabilize.toml");
+    let words = ["stabilize", "out", settings.to_str().unwrap(), "-o", "stabilized"];
+    let refused =
+        Command::new(env!("CARGO_BIN_EXE_airloop")).args(words).current_dir(folder.path()).output().unwrap();
+    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("iteration_limit"), "{}", text(&refused.stderr));
+    assert!(!folder.path().join("stabilized").exists());
     let output = optimize(&folder, &problem, &["--resume", "out", "--no-verification"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert_eq!(summary(&folder).status, "solved");
