@@ -41,7 +41,11 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Error> {
     let graph = SystemGraph::open_for(&args.system, simulation::interface(args.master.into()))?;
     let mut notes = graph.notes.clone();
     let signals = match &args.signals {
-        Some(file) => SignalTable::read(file)?,
+        Some(file) => {
+            let table = SignalTable::read(file)?;
+            table.check(&graph, file)?;
+            table
+        }
         None => SignalTable::default(),
     };
     let input = args.input.as_ref().map(|file| record(file)).transpose()?;

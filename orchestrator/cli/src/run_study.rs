@@ -58,13 +58,13 @@ struct Summary<'a> {
 /// # Errors
 /// A file that is no study, names that the system does not have, and results that cannot be written.
 pub fn run(args: &RunArgs, study: &Path) -> Result<ExitCode, Error> {
+    let refuse = |problem: &str| airloop_refine::Error::Case { path: study.into(), problem: problem.into() };
+    if !study.exists() {
+        return Err(refuse("there is no such file or folder").into());
+    }
     let Some(file) = study::find(study)? else {
-        return Err(airloop_refine::Error::Case {
-            path: study.into(),
-            problem: "this is no study: give a study.toml, or a folder with study.toml or dataset.toml"
-                .into(),
-        }
-        .into());
+        let problem = "this is no study: give a study.toml, or a folder with study.toml or dataset.toml";
+        return Err(refuse(problem).into());
     };
     let found = replay(&file, &args.system, args.free_run)?;
     let names: Vec<String> =

@@ -19,10 +19,11 @@ impl SignalTable {
     /// Reads the `[signals]` table of a TOML file: `connector = "column"`.
     ///
     /// # Errors
-    /// [`Error::Table`] for a file that cannot be read or has no such table.
+    /// [`Error::Csv`] for a file that cannot be read, [`Error::Table`] for one without such a table.
     pub fn read(file: &Path) -> Result<SignalTable, Error> {
         let table = |problem: String| Error::Table { file: file.into(), problem };
-        let text = airloop_series::file::read_to_string(file).map_err(|error| table(error.to_string()))?;
+        let unread = |source| csv::Error::Io { path: file.into(), source };
+        let text = airloop_series::file::read_to_string(file).map_err(unread)?;
         let document: toml::Table =
             text.parse().map_err(|error: toml::de::Error| table(error.to_string()))?;
         let signals = document
@@ -34,6 +35,21 @@ impl SignalTable {
             None => Err(table(format!("the column of `{connector}` is not a text"))),
         };
         Ok(SignalTable(signals.iter().map(column).collect::<Result<_, _>>()?))
+    }
+
+    /// Whether the system has the connectors of a table that was read from `file`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownConnector`].
+    pub fn check(&self, graph: &SystemGraph, file: &Path) -> Result<(), Error> {
+        let known: Vec<&str> = connectors(graph).collect();
+        let is_unknown = |connector: &&String| !known.contains(&connector.as_str());
+        let refuse = |connector: &String| Error::UnknownConnector {
+            file: file.into(),
+            connector: connector.clone(),
+            known: known.join(", "),
+        };
+        self.0.keys().find(is_unknown).map_or(Ok(()), |connector| Err(refuse(connector)))
     }
 
     /// The table for a file that holds inputs only: entries of outputs belong to another file.
@@ -77,6 +93,12 @@ pub struct Links {
     pub unused: Vec<String>,
 }
 
+/// Names of the connectors of a system.
+fn connectors(graph: &SystemGraph) -> impl Iterator<Item = &str> {
+    let inputs = graph.inputs.iter().map(|input| input.name.as_str());
+    inputs.chain(graph.outputs.iter().map(|output| output.name.as_str()))
+}
+
 /// Finds the channel of every connector of the system.
 ///
 /// # Errors
@@ -89,12 +111,8 @@ pub fn link(
 ) -> Result<Links, Error> {
     let inputs = graph.inputs.iter().map(|c| (c.name.as_str(), c.unit.as_deref(), c.data_type));
     let outputs = graph.outputs.iter().map(|c| (c.name.as_str(), c.unit.as_deref(), c.data_type));
-    let known: Vec<&str> = inputs.clone().chain(outputs.clone()).map(|(name, ..)| name).collect();
-    for (connector, column) in &table.0 {
-        if !known.contains(&connector.as_str()) {
-            let (connector, known) = (connector.clone(), known.join(", "));
-            return Err(Error::UnknownConnector { file: file.into(), connector, known });
-        }
+    table.check(graph, file)?;
+    for column in table.0.values() {
         if series.channel(column).is_none() {
             let (column, columns) = (column.clone(), column_names(series));
             return Err(csv::Error::MissingColumn { path: file.into(), column, columns }.into());

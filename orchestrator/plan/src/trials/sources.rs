@@ -12,10 +12,13 @@ pub const SYSTEMS: [&str; 2] = ["closed_loop.ssd", "closed_loop.ssp"];
 /// The closed loop and the settings: of a folder of `airloop stabilize`, or a system with settings of its own.
 ///
 /// # Errors
-/// A folder without closed loop, or a system without settings.
+/// A path that is not there, a folder without closed loop, or a system without settings.
 pub fn sources(system: &Path, settings: Option<&Path>) -> Result<(PathBuf, PathBuf), Error> {
     let refused =
         |problem: &str| Error::Place { place: system.display().to_string(), problem: problem.to_owned() };
+    if !system.exists() {
+        return Err(refused("there is no such file or folder"));
+    }
     if !system.is_dir() {
         let missing = "a system alone does not say what is perturbed; give --settings FILE";
         return Ok((system.into(), settings.ok_or_else(|| refused(missing))?.into()));
