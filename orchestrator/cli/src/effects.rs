@@ -18,6 +18,7 @@ use airloop_refine::vocabulary::folder::Folder;
 use airloop_refine::vocabulary::own::{Law, Own, Parameter, VARIABLES};
 use airloop_report::plot::formula;
 use airloop_series::file::{make_folder_of, write_whole};
+use airloop_series::names;
 
 /// Points of a figure.
 const POINTS: usize = 301;
@@ -174,23 +175,18 @@ fn show(args: &Show) -> Result<ExitCode, Error> {
         };
     }
     if !args.path.exists() {
-        let known: Vec<&str> = BUILTIN.iter().map(|own| own.kind).collect();
-        let problem =
-            format!("there is no such file or folder, and the program's effects are {}", known.join(", "));
+        let problem = neither(&args.path);
         return Err(airloop_refine::Error::Case { path: args.path.clone(), problem }.into());
     }
     let folder = Folder::read(&args.path)?;
     let found =
         folder.effects.iter().find(|(_, own)| args.kind.as_ref().is_none_or(|kind| *kind == own.kind));
     let Some((_, own)) = found else {
-        let known: Vec<&str> = folder.effects.iter().map(|(_, own)| own.kind.as_str()).collect();
-        let wanted = args.kind.as_deref().unwrap_or("any");
-        output::to_stderr(&format!(
-            "error: {}: there is no effect `{wanted}`; known are: {}",
-            args.path.display(),
-            known.join(", ")
-        ));
+        // What is no effect is the reason where a file was meant, and may be where a name is not found.
         told(&folder);
+        if args.kind.is_some() || folder.refused.is_empty() {
+            output::to_stderr(&format!("error: {}: {}", args.path.display(), not_there(&folder, args)));
+        }
         return Ok(ExitCode::FAILURE);
     };
     if args.toml {
@@ -199,6 +195,30 @@ fn show(args: &Show) -> Result<ExitCode, Error> {
         return Ok(ExitCode::SUCCESS);
     }
     shown(own, args)
+}
+
+/// Says which effect a folder does not have, and which it has.
+fn not_there(folder: &Folder, args: &Show) -> String {
+    let known = names::suggestion(
+        args.kind.as_deref().unwrap_or_default(),
+        folder.effects.iter().map(|(_, own)| own.kind.as_str()),
+    );
+    match &args.kind {
+        Some(kind) => format!("there is no effect `{kind}`; {known}"),
+        None => "there is no effect".into(),
+    }
+}
+
+/// Says that a path is neither a file nor a kind; the names of effects in reports of `refine` have their place in
+/// front of the kind (`cart.spring`) or behind it (`spring@cart.f`).
+fn neither(path: &Path) -> String {
+    let name = path.to_string_lossy();
+    let known = || BUILTIN.iter().map(|own| own.kind);
+    let is_meant = |kind: &&str| name.ends_with(&format!(".{kind}")) || name.starts_with(&format!("{kind}@"));
+    let meant = known().filter(is_meant).max_by_key(|kind| kind.len());
+    let meant =
+        meant.map_or_else(|| names::suggestion(&name, known()), |kind| format!("did you mean `{kind}`?"));
+    format!("there is no such file or folder, and no effect of the program of that name; {meant}")
 }
 
 /// Prints an effect and draws its figure.
@@ -322,4 +342,21 @@ pub(crate) fn drawn(own: &Own, over: Option<&str>, range: f64) -> Result<Drawn, 
     points.retain(|(_, value)| value.is_finite());
     let unit = own.units.get(over).map_or("s", String::as_str);
     Ok((points, [format!("{} [{unit}]", VARIABLES[over]), format!("{} [{}]", own.kind, own.units[2])]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_reports_lead_to_the_kind() {
+        for name in ["cart.spring", "spring@cart.f", "spirng"] {
+            assert!(
+                neither(Path::new(name)).contains("did you mean `spring`"),
+                "{}",
+                neither(Path::new(name))
+            );
+        }
+        assert!(neither(Path::new("arm.sensor.lag")).contains("`sensor.lag`"));
+    }
 }
