@@ -67,6 +67,10 @@ pub enum MasterChoice {
 /// Fails if the system cannot be read, has no interface or platform in common, or the FMU not be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let mut graph = SystemGraph::open_to_read(&args.system)?;
+    if !args.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("fmu")) {
+        let problem = "give it a name that ends in .fmu; a system is written by `airloop export`".to_owned();
+        return Err(Error::OutputFile { file: args.output.clone(), problem });
+    }
     super::folder::check_file(&args.output, &[&args.system])?;
     for (name, value) in &args.set {
         graph.set_start(name, value, &format!("--set {name}={value}"))?;

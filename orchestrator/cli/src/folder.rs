@@ -111,7 +111,10 @@ impl Results {
         let ours = earlier(folder);
         check_against(folder, inputs, names, &ours)?;
         let stage = tempfile::Builder::new().prefix(&prefix).tempdir_in(place);
-        let stage = stage.map_err(|error| refused(format!("nothing can be written there: {error}")))?;
+        let stage = stage.map_err(|error| {
+            let error = airloop_series::file::without_path(error);
+            refused(format!("nothing can be written there: {error}"))
+        })?;
         scratch::pending(stage.path());
         Ok(Results {
             folder: folder.into(),

@@ -53,7 +53,11 @@ pub fn write(file: &Path, checks: &[(PathBuf, Vec<Finding>)]) -> Result<(), Erro
         Some(Form::Sarif) | None => format!("{:#}\n", sarif(checks)),
     };
     let written = airloop_series::file::write_whole(file, |out| out.write_all(text.as_bytes()));
-    written.map_err(|source| airloop_cosim::system::Error::Io { file: file.to_owned(), source }.into())
+    let refuse = |error: std::io::Error| Error::OutputFile {
+        file: file.to_owned(),
+        problem: format!("the report cannot be written: {error}"),
+    };
+    written.map_err(refuse)
 }
 
 /// Line of the description that the element of a finding names at its end, as in `variable x (line 12)`.

@@ -332,3 +332,40 @@ fn a_file_of_the_user_is_not_replaced_by_results() {
     let kept = std::fs::read_to_string(folder.path().join("mine/result.csv")).unwrap();
     assert_eq!(kept, "time,u\n0,1\n");
 }
+
+#[test]
+fn a_path_that_is_not_there_is_called_missing() {
+    let folder = folder();
+    system(&folder);
+    for words in [
+        &["stabilize", "gone", "settings.toml"][..],
+        &["trials", "gone"],
+        &["run", "system.ssd", "--study", "gone"],
+    ] {
+        let message = fails(&folder, words, 1);
+        assert!(message.contains("gone: there is no such file or folder"), "{message}");
+    }
+    write(&folder, "map.toml", "[signals]\nxx = \"a\"\n");
+    write(&folder, "u.csv", "time,a\n0,1\n1,2\n");
+    let run = |signals| fails(&folder, &["run", "system.ssd", "--input", "u.csv", "--signals", signals], 1);
+    let message = run("gone.toml");
+    assert!(message.contains("gone.toml") && !message.contains("write for example"), "{message}");
+    let message = run("map.toml");
+    assert!(message.contains("map.toml: the system has no connector `xx`"), "{message}");
+}
+
+#[test]
+fn names_of_other_kinds_of_files_are_refused_and_temporary_names_are_not_told() {
+    let folder = folder();
+    system(&folder);
+    let message = fails(&folder, &["export-fmu", "system.ssd", "-o", "m.ssp"], 1);
+    assert!(message.contains("m.ssp: give it a name that ends in .fmu"), "{message}");
+    assert!(!folder.path().join("m.ssp").exists());
+    for words in [
+        &["export", "system.ssd", "-o", "/proc/m.ssp"][..],
+        &["inspect", "slave.fmu", "--check", "--no-run", "--report", "/proc/r.xml"],
+    ] {
+        let message = fails(&folder, words, 1);
+        assert!(message.contains("cannot be written") && !message.contains(".writing"), "{message}");
+    }
+}

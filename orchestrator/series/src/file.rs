@@ -130,9 +130,17 @@ pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> std::io::Res
 /// # Errors
 /// An error of the file system.
 pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
-    let file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)?;
+    let file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder).map_err(without_path)?;
     scratch::pending(file.path());
     Ok(file)
+}
+
+/// The same error without the name of a temporary file, which says nothing to a user: messages name the file that was
+/// to be written.
+pub fn without_path(error: Error) -> Error {
+    let text = error.to_string();
+    let reason = text.split(" at path ").next().unwrap_or_default();
+    Error::new(error.kind(), reason.to_owned())
 }
 
 /// Gives a complete temporary file its name; a file of that name is replaced.

@@ -9,6 +9,9 @@ pub enum Error {
     /// A file cannot be read.
     #[error("{}: the file cannot be read: {source}", file.display())]
     Io { file: PathBuf, source: std::io::Error },
+    /// A file cannot be written.
+    #[error("{}: the file cannot be written: {source}", file.display())]
+    Write { file: PathBuf, source: std::io::Error },
     /// The file is of a kind that cannot be a system.
     #[error("{}: not a system; give an .ssd, an .ssp or an .fmu file", file.display())]
     Kind { file: PathBuf },

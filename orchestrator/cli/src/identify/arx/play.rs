@@ -228,17 +228,19 @@ fn table(
 ) -> Result<TableWriter, Error> {
     // Next to the folder of the results, which is made and taken when they are complete.
     let folder = args.data.output.ancestors().find(|folder| folder.is_dir());
-    let folder = &folder.unwrap_or(std::path::Path::new(".")).to_path_buf();
-    let file = airloop_series::file::temporary(folder);
-    let file = file.map_err(|source| csv::Error::Io { path: folder.clone(), source })?;
+    let refuse = |error: std::io::Error| Error::OutputFolder {
+        folder: args.data.output.clone(),
+        problem: format!("nothing can be written there: {error}"),
+    };
+    let file = airloop_series::file::temporary(folder.unwrap_or(std::path::Path::new(".")));
+    let file = file.map_err(refuse)?;
     let mut out = BufWriter::with_capacity(1 << 16, file);
     let suffixes =
         ["_simulated", "_one_step"].into_iter().filter(|suffix| simulated || *suffix == "_one_step");
     let responses =
         suffixes.flat_map(|suffix| data.outputs.iter().map(move |name| format!("{name}{suffix}")));
     let names: Vec<String> = data.inputs.iter().chain(&data.outputs).cloned().chain(responses).collect();
-    rows::write_header(&mut out, names.iter().map(String::as_str))
-        .map_err(|source| csv::Error::Io { path: folder.clone(), source })?;
+    rows::write_header(&mut out, names.iter().map(String::as_str)).map_err(refuse)?;
     Ok(out)
 }
 

@@ -61,7 +61,7 @@ pub fn write(graph: &SystemGraph, file: &Path, version: Version) -> Result<(), E
 pub fn write_for(graph: &SystemGraph, file: &Path, version: Version, tool: Tool) -> Result<(), Error> {
     let graph = &*tool.form(graph, file)?;
     let how = document::How { version, tool };
-    let io = |source| Error::Io { file: file.into(), source };
+    let io = |source| Error::Write { file: file.into(), source };
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

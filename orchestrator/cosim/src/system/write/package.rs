@@ -31,7 +31,7 @@ pub(super) struct Package {
 impl Package {
     pub fn new(graph: &SystemGraph, how: How, file: &Path) -> Result<Package, Error> {
         let derived =
-            airloop_series::scratch::folder().map_err(|source| Error::Io { file: file.into(), source })?;
+            airloop_series::scratch::folder().map_err(|source| Error::Write { file: file.into(), source })?;
         let mut taken: Vec<PathBuf> = Vec::new();
         let mut known: Vec<(PathBuf, PathBuf)> = Vec::new();
         // Archives and unpacked folders of the components as they are, with their names in the package.
