@@ -5,6 +5,16 @@ const MAX_NAMES_LISTED: usize = 3;
 /// Names listed where none is near.
 const NAMES_LISTED_WITHOUT_NEAR_ONE: usize = 12;
 
+/// A number and what is counted, whose plural ends in s: `1 state`, `2 states`.
+///
+/// ```
+/// use airloop_series::names::counted;
+/// assert_eq!((counted(1, "state"), counted(0, "state")), ("1 state".into(), "0 states".into()));
+/// ```
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Suggestion for an unknown name: the nearest known names, or the known names where none is near.
 pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();

@@ -4,6 +4,7 @@
 //! continuous one moves on straight lines between its samples; for a coarser grid a zero-phase low-pass takes away
 //! first what the grid cannot show.
 
+use super::names::counted;
 use super::{Channel, Error, Interpolation, TimeSeries};
 
 /// Stop band of the low-pass, as a share of the new sample rate: half of it is the highest frequency that a grid can
@@ -60,6 +61,20 @@ pub enum Problem {
         /// Longest step \[s\].
         most: f64,
     },
+    /// The grid has too many samples.
+    #[error(
+        "a step of {step} s makes {count:.1e} samples of {span} s, and at most {MAX_SAMPLES:e} are possible; give a step of {least:.1e} s or more"
+    )]
+    TooMany {
+        /// New step \[s\].
+        step: f64,
+        /// Samples of the grid.
+        count: f64,
+        /// Length \[s\].
+        span: f64,
+        /// Shortest step \[s\].
+        least: f64,
+    },
     /// The low-pass needs too fine a grid: most samples lie far closer to each other than the rest.
     #[error(
         "samples {median:.3e} s apart (the median) over {span} s are too many for the low-pass of a coarser grid; cut the file, or take a method without low-pass"
@@ -91,9 +106,12 @@ pub enum Problem {
 pub fn uniform(source: &TimeSeries, step: f64, method: Method, held: &[String]) -> Result<Uniform, Problem> {
     let time = source.time();
     let span = time.last().copied().unwrap_or(0.0) - time.first().copied().unwrap_or(0.0);
-    let fits = step > 0.0 && time.len() > 1 && step <= span && span / step < MAX_SAMPLES;
-    if !fits {
+    if !(step > 0.0 && time.len() > 1 && step <= span) {
         return Err(Problem::Step { step, samples: time.len(), span, most: span });
+    }
+    let count = span / step;
+    if count >= MAX_SAMPLES {
+        return Err(Problem::TooMany { step, count, span, least: 1.1 * span / MAX_SAMPLES });
     }
     if let Some(name) = held.iter().find(|name| source.channel(name).is_none()) {
         let known: Vec<&str> = source.channels().iter().map(|channel| channel.name.as_str()).collect();
@@ -143,6 +161,11 @@ pub fn uniform(source: &TimeSeries, step: f64, method: Method, held: &[String]) 
     Ok(Uniform { series, notes })
 }
 
+/// A number with six decimals at most, without zeros at its end.
+fn tidy(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
 /// Sentences on what was done.
 fn notes(
     source: &TimeSeries,
@@ -152,13 +175,19 @@ fn notes(
 ) -> Vec<String> {
     let steps: Vec<f64> = source.time().windows(2).map(|pair| pair[1] - pair[0]).collect();
     let (least, most) = steps.iter().fold((f64::INFINITY, 0.0f64), |(a, b), &s| (a.min(s), b.max(s)));
+    let even = format!("{least:.6}") == format!("{most:.6}");
+    let apart = match even {
+        true => format!("{} s apart", tidy(own)),
+        false => format!("{} to {} s apart (median {} s)", tidy(least), tidy(most), tidy(own)),
+    };
     let mut found = vec![format!(
-        "{} samples, {least:.6} to {most:.6} s apart (median {own:.6} s), give {count} samples every {step} s, by their own time stamps",
+        "{} samples, {apart}, give {count} samples every {step} s, by their own time stamps",
         source.len()
     )];
     let gaps = steps.iter().filter(|own_step| **own_step > MIN_RATIO_OF_GAP * own).count();
     if gaps > 0 {
-        found.push(format!("{gaps} gaps longer than {MIN_RATIO_OF_GAP} times the median step are bridged; cut the file there if that matters"));
+        let (gaps, are) = (counted(gaps, "gap"), if gaps == 1 { "is" } else { "are" });
+        found.push(format!("{gaps} longer than {MIN_RATIO_OF_GAP} times the median step {are} bridged; cut the file there if that matters"));
     }
     if !kept.is_empty() {
         let lost =
@@ -167,9 +196,9 @@ fn notes(
     }
     if !filtered.is_empty() {
         found.push(format!(
-            "low-pass of zero phase against aliasing (passes up to {:.4} Hz, takes away {ATTENUATION} dB from {:.4} Hz on): {}",
-            PASS_BAND / step,
-            STOP_BAND / step,
+            "low-pass of zero phase against aliasing (passes up to {} Hz, takes away {ATTENUATION} dB from {} Hz on): {}",
+            tidy(PASS_BAND / step),
+            tidy(STOP_BAND / step),
             filtered.join(", ")
         ));
     } else if coarser && kept.len() < source.channels().len() {
@@ -335,7 +364,9 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_told() {
         let series = sine(1.0, &every(1e-2, 400));
-        for step in [0.0, -1.0, f64::NAN, 10.0, 1e-12] {
+        let many = uniform(&series, 1e-12, Method::Filter, &[]).unwrap_err().to_string();
+        assert!(many.contains("makes 4.0e12 samples"), "{many}");
+        for step in [0.0, -1.0, f64::NAN, 10.0] {
             assert!(
                 matches!(uniform(&series, step, Method::Filter, &[]), Err(Problem::Step { .. })),
                 "{step}"
