@@ -56,7 +56,8 @@ impl Term {
 pub enum Error {
     /// Not a number, nor a matrix of numbers.
     #[error(
-        "--{option} {text}: `{part}` is not an order; write one number for all, or rows such as \"2,1;1,2\""
+        "--{option} {text}: `{part}` is not an order; write one number for all, or rows such as \"2,1;1,2\"{}",
+        if part.contains("..") { "; a range is searched with --order auto" } else { "" }
     )]
     Number {
         /// `na`, `nb` or `nk`.
@@ -87,12 +88,12 @@ pub enum Error {
         of: &'static str,
     },
     /// Nothing to estimate.
-    #[error(
-        "output {output} has no coefficient to estimate: na and nb are 0 in all its columns; raise one of them"
-    )]
+    #[error("{output} has no coefficient to estimate: na and nb are 0 in all its columns; raise one of them")]
     Empty {
-        /// 1-based output.
-        output: usize,
+        /// Its name, or `output` and its number.
+        output: String,
+        /// Its place.
+        index: usize,
     },
     /// A range of orders without structures, or with too many.
     #[error(
@@ -121,6 +122,19 @@ pub enum Error {
 /// Largest order or delay.
 pub const MAX_ORDER_OR_DELAY: usize = 1000;
 
+impl Error {
+    /// The same error with the name of the output.
+    #[must_use]
+    pub fn named(self, outputs: &[String]) -> Error {
+        match self {
+            Error::Empty { output, index } => {
+                Error::Empty { output: outputs.get(index).cloned().unwrap_or(output), index }
+            }
+            other => other,
+        }
+    }
+}
+
 impl Structure {
     /// The same orders for all outputs and inputs.
     ///
@@ -144,7 +158,7 @@ impl Structure {
             nk: matrix("nk", nk, (n_y, n_u), "inputs")?,
         };
         match (0..n_y).find(|&output| structure.terms(output).is_empty()) {
-            Some(output) => Err(Error::Empty { output: output + 1 }),
+            Some(index) => Err(Error::Empty { output: format!("output {}", index + 1), index }),
             None => Ok(structure),
         }
     }
@@ -295,6 +309,11 @@ mod tests {
     fn orders_that_cannot_be_read_are_refused_with_the_option() {
         for (na, nb, expected) in [
             ("x", "1", "--na x: `x` is not an order"),
+            (
+                "1..6",
+                "1",
+                "--na 1..6: `1..6` is not an order; write one number for all, or rows such as \"2,1;1,2\"; a range is searched with --order auto",
+            ),
             ("2,1;1", "1", "--na 2,1;1: 1 numbers in a row of 2 rows"),
             (
                 "1",
@@ -307,5 +326,7 @@ mod tests {
             let message = Structure::parse((1, 2), na, nb, "0").unwrap_err().to_string();
             assert!(message.starts_with(expected), "{message}");
         }
+        let empty = Structure::parse((1, 1), "0", "0", "0").unwrap_err().named(&["F_hat".into()]);
+        assert!(empty.to_string().starts_with("F_hat has no coefficient"), "{empty}");
     }
 }

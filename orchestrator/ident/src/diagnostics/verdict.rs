@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{Diagnostics, Kind};
+use airloop_series::names::counted;
 
 /// Share of the variance of a residual below which a finding of the tests has no practical weight.
 pub const MIN_SHARE_THAT_MATTERS: f64 = 0.02;
@@ -31,7 +32,7 @@ pub struct Verdict {
     /// Findings in the data, one sentence each.
     pub sentences: Vec<String>,
     /// Whether nothing speaks against the model: every residual at least practically white, no channel with missing
-    /// dynamics, all poles inside the unit circle.
+    /// dynamics, all poles inside the unit circle, a parameter that can be told from zero.
     pub explains_the_data: bool,
     /// Whiteness of every residual, by output.
     pub whiteness: Vec<(String, Whiteness)>,
@@ -87,7 +88,9 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         .collect();
     let unstable: Vec<_> = diagnostics.poles.iter().filter(|pole| pole.modulus >= 1.0).collect();
     let white = whiteness.iter().all(|(_, kind)| *kind != Whiteness::Colored);
-    let explains_the_data = white && missing.is_empty() && unstable.is_empty();
+    let insignificant = insignificant(diagnostics);
+    let nothing_is_told = !insignificant.is_empty() && insignificant.len() == diagnostics.parameters.len();
+    let explains_the_data = white && missing.is_empty() && unstable.is_empty() && !nothing_is_told;
     if let Some(pole) = unstable.first() {
         sentences.push(format!(
             "the model is unstable (pole of modulus {:.4}): it cannot be simulated; use output error, or another order",
@@ -111,7 +114,16 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
                 diagnostics.samples
             )
         };
-        sentences.push(format!("{name} explains the data: {evidence}, none follows an input"));
+        sentences.push(format!(
+            "the residuals do not speak against {name}: {evidence}, none follows an input{}",
+            size(diagnostics)
+        ));
+    }
+    if nothing_is_told {
+        sentences.push(format!(
+            "none of the {} coefficients of {name} can be told from zero: the data say nothing about this model; record longer, with a larger or richer input",
+            insignificant.len()
+        ));
     }
     if !exact.is_empty() && !all_exact {
         sentences.push(format!("{} is explained to rounding", exact.join(", ")));
@@ -138,8 +150,11 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         let at = pair.lags.iter().zip(&pair.values).filter(|(lag, _)| **lag >= 0);
         let largest = at.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(lag, _)| *lag);
         sentences.push(format!(
-            "the residual of {} still follows {} (most {largest} samples later, {:.1} % of its variance): dynamics or delay of this channel are missing",
-            pair.output, pair.input, 100.0 * pair.explained_by_input
+            "the residual of {} still follows {} (most {} later, {:.1} % of its variance): dynamics or delay of this channel are missing",
+            pair.output,
+            pair.input,
+            counted(largest.unsigned_abs() as usize, "sample"),
+            100.0 * pair.explained_by_input
         ));
     }
     for pair in &feedback {
@@ -150,14 +165,6 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
             100.0 * pair.explained_by_residual
         ));
     }
-    let insignificant: Vec<String> = diagnostics
-        .parameters
-        .iter()
-        .rev()
-        .filter(|p| p.interval_95.is_some_and(|[low, high]| low <= 0.0 && 0.0 <= high))
-        .filter(|p| !p.name.starts_with("direction"))
-        .map(|p| p.name.clone())
-        .collect();
     let bands = diagnostics.frequency.iter().all(|response| !response.relative_deviation.is_empty())
         && diagnostics.step.iter().all(|response| !response.standard_deviation.is_empty());
     let determined = |p: &super::Interval| p.standard_deviation.is_some();
@@ -174,7 +181,7 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
             "the data do not determine all parameters (no covariance): lower the order, or excite more frequencies"
                 .into(),
         );
-    } else if !insignificant.is_empty() {
+    } else if !insignificant.is_empty() && !nothing_is_told {
         let shown: Vec<&str> = insignificant.iter().take(6).map(String::as_str).collect();
         let more = if insignificant.len() > shown.len() { ", ..." } else { "" };
         sentences.push(format!("the 95 % intervals of {}{more} hold 0", shown.join(", ")));
@@ -188,6 +195,26 @@ pub fn verdict(name: &str, diagnostics: &Diagnostics) -> Verdict {
         feedback: feedback.iter().map(channel).collect(),
         insignificant,
     }
+}
+
+/// Parameters whose 95 % interval holds 0, the highest lags first.
+fn insignificant(diagnostics: &Diagnostics) -> Vec<String> {
+    let told = diagnostics
+        .parameters
+        .iter()
+        .rev()
+        .filter(|p| p.interval_95.is_some_and(|[low, high]| low <= 0.0 && 0.0 <= high))
+        .filter(|p| !p.name.starts_with("direction"));
+    told.map(|p| p.name.clone()).collect()
+}
+
+/// Size of the largest residual, which no test of its color tells.
+fn size(diagnostics: &Diagnostics) -> String {
+    let sizes = diagnostics.autocorrelation.iter().zip(&diagnostics.relative_residual);
+    let largest = sizes.filter_map(|(of, share)| Some((of, (*share)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+    largest.map_or_else(String::new, |(of, share)| {
+        format!("; that of {} is {:.2} % of the spread of its output", of.output, 100.0 * share)
+    })
 }
 
 #[cfg(test)]
@@ -222,7 +249,10 @@ mod tests {
         let records = [measure(&eq8(), vec![stairs(3000, 40.0, &mut noise)], 0.5, &mut noise)];
         let (good, diagnostics) = judged(&Mask::of(&eq8()), &records);
         assert!(good.explains_the_data, "{:?}", good.sentences);
-        assert!(good.sentences[0].starts_with("order 1 explains the data: residuals white"), "{good:?}");
+        assert!(
+            good.sentences[0].starts_with("the residuals do not speak against order 1: residuals white"),
+            "{good:?}"
+        );
         assert!(serde_json::to_string(&diagnostics).unwrap().contains("\"dc_gain\""));
         // No direct term where the plant has a large one.
         let (poor, _) = judged(&Mask::full(2, 1, 1, 1, 1), &records);

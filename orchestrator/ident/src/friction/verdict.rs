@@ -191,7 +191,13 @@ pub fn sentences(
     };
     let small: Vec<&str> = ["c3", "c4", "c5"].into_iter().filter(zero).collect();
     if !small.is_empty() {
-        said.push(format!("{} cannot be told from zero; --fix NAME=0 leaves them out", small.join(", ")));
+        let out: Vec<String> = small.iter().map(|name| format!("--fix {name}=0")).collect();
+        let them = if small.len() == 1 { "it" } else { "them" };
+        said.push(format!(
+            "{} cannot be told from zero; {} leaves {them} out",
+            small.join(", "),
+            out.join(" ")
+        ));
     }
     let offered: Vec<&Alternative> = alternatives.iter().filter(|a| a.offered).collect();
     match validation {

@@ -14,7 +14,9 @@ pub enum Error {
     #[error("column `{column}` is named twice in --inputs and --outputs; name each signal once")]
     Twice { column: String },
     /// Not enough samples to speak of a sample time.
-    #[error("{file}: {samples} samples are too few for an identification; record at least {needed}")]
+    #[error(
+        "{file}: {samples} samples are too few to estimate or to judge a model; record at least {needed}"
+    )]
     TooShort { file: String, samples: usize, needed: usize },
     /// Time stamps with a gap.
     #[error(
