@@ -33,7 +33,7 @@ pub enum Error {
     },
     /// NaN or infinity at an output.
     #[error(
-        "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before (result file), try a smaller `--step`, and check parameters and start values"
+        "component `{component}`: output `{variable}` is {value} at t = {time} s; look at its inputs just before, try a smaller `--step`, and check parameters and start values"
     )]
     NotFinite { component: String, variable: String, value: f64, time: f64 },
     /// Initial values do not settle.
@@ -75,7 +75,7 @@ pub enum Error {
     SavedStates { file: std::path::PathBuf, source: std::io::Error },
     /// The shortest step is still too long.
     #[error(
-        "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there (result file), and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
+        "component `{component}`: the error of `{variable}` at t = {time} s is {error:.1e} of its size even with the shortest communication step, {step} s; look for a jump or a growing oscillation there, and try a larger `--step-tolerance`, a smaller `--min-step` or another `--master`"
     )]
     StepTooShort { component: String, variable: String, time: f64, step: f64, error: f64 },
     /// [`super::Master`] cannot be monolithic.
@@ -91,7 +91,7 @@ pub enum Error {
     LoopMember { component: String, reason: String, path: String, remedy: String },
     /// The integrator cannot keep the tolerance.
     #[error(
-        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before (result file), or try a larger `--tolerance`"
+        "component `{component}`: the error of `{variable}` stays too large at t = {time} s, even with a step of {step} s; it may grow without bound or jump without an event indicator; look at its inputs just before, or try a larger `--tolerance`"
     )]
     StepUnderflow { component: String, variable: String, time: f64, step: f64 },
     /// The explicit integrator is not made for this.

@@ -1,6 +1,6 @@
 //! Reason why a system cannot be read or simulated.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Reason why a system cannot be read or simulated; each message names file, element and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +49,7 @@ pub enum Error {
     #[error("{}: the package has no SystemStructure.ssd at its root; it has: {found}", file.display())]
     NoDescription { file: PathBuf, found: String },
     /// A component's FMU cannot be used.
-    #[error("{}: component `{component}`: {source}", file.display())]
+    #[error("{}", of_fmu(file, component, source))]
     Fmu { file: PathBuf, component: String, source: Box<airloop_fmi::Error> },
     /// Start values cannot be put into a component's FMU.
     #[error("{}: component `{component}`: {source}", file.display())]
@@ -126,4 +126,14 @@ pub enum Error {
     /// Variables that depend on each other at the same instant and cannot be solved for.
     #[error("{}: algebraic loop: {}, with `{culprit}`, which is not a continuous Real and cannot be solved for; break it with a component whose output does not depend directly on its input (a delay or a filter){master}, or declare true `dependencies` in the FMU", file.display(), variables.join(" -> "))]
     AlgebraicLoop { file: PathBuf, variables: Vec<String>, culprit: String, master: &'static str },
+}
+
+/// Message on the FMU of a component; where the FMU is itself the system, it names the file already.
+fn of_fmu(file: &Path, component: &str, source: &airloop_fmi::Error) -> String {
+    let (file, source) = (file.display().to_string(), source.to_string());
+    if source.starts_with(&format!("{file}: ")) {
+        source
+    } else {
+        format!("{file}: component `{component}`: {source}")
+    }
 }
