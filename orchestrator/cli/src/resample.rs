@@ -100,13 +100,24 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether `target` has the columns of `source` on a grid of `step` \[s\], as an earlier run wrote it.
+/// Whether `target` is `source` on a grid of `step` \[s\], as an earlier run wrote it: each column by one of the
+/// methods.
 fn is_earlier_result(source: &Path, target: &Path, step: f64) -> bool {
     let (Ok(source), Ok(target)) = (csv::read(source), csv::read(target)) else { return false };
+    let version = |method: Method| uniform(&source, step, method, &[]).ok().map(|found| found.series);
+    let versions = [Method::Filter, Method::Linear, Method::Hold].map(version);
     let names =
         |series: &TimeSeries| series.channels().iter().map(|own| own.name.clone()).collect::<Vec<_>>();
-    let on_grid = target.time().windows(2).all(|pair| (pair[1] - pair[0] - step).abs() <= 1e-6 * step);
-    on_grid && names(&source) == names(&target)
+    let close = |a: &[f64], b: &[f64], scale: f64| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9 * scale)
+    };
+    let is_of = |version: &TimeSeries, index: usize| {
+        let [own, there] = [version, &target].map(|series| &series.channels()[index].values[..]);
+        close(own, there, own.iter().fold(0.0, |most, value| value.abs().max(most)))
+            && close(version.time(), target.time(), 1e3 * step)
+    };
+    let is_there = |index: usize| versions.iter().flatten().any(|version| is_of(version, index));
+    names(&source) == names(&target) && (0..target.channels().len()).all(is_there)
 }
 
 /// Writes the file `path` on a grid to `target`; what was done, one sentence each.
