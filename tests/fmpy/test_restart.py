@@ -183,6 +183,8 @@ def test_other_systems_folders_and_files_are_refused(saved, shipped, tmp_path):
         return message
 
     assert "no states were saved there" in refused(tmp_path)
+    run(EXAMPLE, tmp_path / "whole", "--stop", "0.1", "--save-states", "10ms")
+    assert "this run is complete: it reached its stop time, 0.1 s" in refused(tmp_path / "whole")
     assert "No such file" in refused(tmp_path / "none")
     assert "these are no saved states" in refused(ROOT / "examples/01_run/expected.json")
     assert "where the states were saved" in refused(saved, shipped("cart-pole").path)

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use airloop::Error;
 use airloop_cosim::results::states::{self, States};
+use airloop_cosim::results::summary;
 use airloop_series::{TimeSeries, csv};
 
 use super::folder::Results;
@@ -59,6 +60,12 @@ impl Earlier {
         let file = if path.is_dir() {
             let known = [PARTIAL_STATES, STATES].map(|name| path.join(name));
             let Some(file) = known.into_iter().find(|file| file.is_file()) else {
+                if let Some(end) = complete_until(path) {
+                    let problem = format!(
+                        "this run is complete: it reached its stop time, {end} s, and states are kept only of a run that ended early; run it anew with a later --stop"
+                    );
+                    return refused(path, problem);
+                }
                 return refused(
                     path,
                     format!(
@@ -102,6 +109,12 @@ impl Earlier {
             "continued at t = {time} s from the states in {file}; {begin}, times and counts of work are since then"
         )
     }
+}
+
+/// Time \[s\] at which the run in a folder was complete, if it was.
+fn complete_until(folder: &Path) -> Option<f64> {
+    let summary = summary::read(&folder.join("summary.json")).ok()?;
+    (summary.outcome.status == "completed").then_some(summary.outcome.end_time)
 }
 
 /// The rows and the states of a run that goes on; the rows are removed if the run cannot start.
