@@ -53,7 +53,8 @@ pub enum Command {
     /// several experiments, each with its own initial state, which is fitted also for the validation. Weighting and
     /// horizon are those with the least simulation error on the estimation data.
     ///
-    /// Writes the same files as `identify arx`, with figures of singular values, poles and orders.
+    /// Writes the same model, tables and page as `identify arx`, with figures of singular values, orders, and the
+    /// correlation of residuals (residuals.svg, residuals_and_inputs.svg).
     StateSpace(Box<state_space::Args>),
     /// Compare ARX and state-space models of rising order on validation data (Fig. 5): which order is enough?
     ///

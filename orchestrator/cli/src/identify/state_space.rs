@@ -249,14 +249,19 @@ fn sentences(estimate: &Estimate, refined: &Refined) -> Vec<String> {
     if let (Some(first), Some(last)) = (values.first(), values.get(order - 1)) {
         let next = values.get(order).copied().unwrap_or(0.0);
         sentences.push(format!(
-            "singular values: number {order} is {:.2e} of the largest, number {} {:.2e}",
-            last / first,
+            "singular values: number {order} is {} of the largest, number {} is {}",
+            of_largest(last / first),
             order + 1,
-            next / first
+            of_largest(next / first)
         ));
     }
     sentences.extend(Some(refined.note.clone()).filter(|note| !note.is_empty()));
     sentences
+}
+
+/// A share of the largest as a number that reads well.
+fn of_largest(value: f64) -> String {
+    if value >= 0.01 { format!("{value:.2}") } else { format!("{value:.1e}") }
 }
 
 /// Result of the order search in a sentence, `order` being the one taken.

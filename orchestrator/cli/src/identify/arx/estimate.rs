@@ -23,6 +23,9 @@ use airloop_ident::{instrumental_variables, output_error};
 /// Condition number of the regressors above which small errors of the data turn into large ones of the coefficients.
 const MAX_CONDITION_NUMBER: f64 = 3e4;
 
+/// Samples per coefficient of an output below which a fit says little.
+pub const SAMPLES_PER_COEFFICIENT: usize = 10;
+
 /// Time constants of the slowest pole in the longest record, where poles that are slower serve as offsets.
 const TIME_CONSTANTS_PER_RECORD: f64 = 3.0;
 
@@ -198,7 +201,7 @@ fn mask(structure: &Structure) -> Mask {
 
 fn sentence(input: &Excitation) -> String {
     format!(
-        "{} has 99 % of its power below {:.3} Hz, {:.1} % of the band up to half the sample rate: the data speak for the model up to there",
+        "{} has 99 % of its power below {:.3} Hz, {:.1} % of the band up to half the sample rate: of what the model does above, the data say nothing",
         input.input,
         input.band,
         100.0 * input.share_of_band
@@ -224,7 +227,7 @@ fn doubts(estimate: &Estimate, condition: &[f64], inputs: &[Excitation], names: 
         }
     }
     let coefficients = estimate.equations.iter().map(|equation| equation.terms.len()).max().unwrap_or(0);
-    if estimate.rows < 10 * coefficients as u64 {
+    if estimate.rows < (SAMPLES_PER_COEFFICIENT * coefficients) as u64 {
         warnings.push(format!(
             "only {} samples for {coefficients} coefficients per output: the fit on the estimation data flatters; judge by --validate",
             estimate.rows

@@ -109,6 +109,7 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
         (Some(candidates), _) => orders::chosen(candidates)?,
         (None, given) => given.unwrap_or_else(|| Structure::uniform(channels, 1, 2, 0)),
     };
+    warnings.extend(short_validation(&loaded, &structure));
     let estimated = estimate::estimate(args, &loaded, &structure, names)?;
     let model = estimated.model.clone();
     fmu.as_ref().map_or(Ok(()), |wanted| fmu::check(wanted, &model))?;
@@ -143,9 +144,25 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Validation records that are too short to judge a model of this structure.
+fn short_validation(loaded: &super::data::Loaded, structure: &Structure) -> Vec<String> {
+    let coefficients = (0..structure.n_y()).map(|output| structure.terms(output).len()).max().unwrap_or(0);
+    let least = estimate::SAMPLES_PER_COEFFICIENT * coefficients;
+    let short = loaded.validation().into_iter().filter(|source| source.samples() < least);
+    let sentence = |source: &dyn airloop_ident::source::Source| {
+        format!(
+            "{}: only {} samples for {coefficients} coefficients per output: the fit on this validation record says little; record at least {least}",
+            source.name(),
+            source.samples()
+        )
+    };
+    short.map(sentence).collect()
+}
+
 fn structure(args: &Args, channels: (usize, usize)) -> Result<Structure, Error> {
     let text = |option: &Option<String>, default: &str| option.clone().unwrap_or(default.into());
-    Ok(Structure::parse(channels, &text(&args.na, "1"), &text(&args.nb, "2"), &text(&args.nk, "0"))?)
+    let (na, nb, nk) = (text(&args.na, "1"), text(&args.nb, "2"), text(&args.nk, "0"));
+    Structure::parse(channels, &na, &nb, &nk).map_err(|error| error.named(&args.data.outputs).into())
 }
 
 fn ranges(args: &Args, channels: (usize, usize)) -> Result<Option<Ranges>, Error> {

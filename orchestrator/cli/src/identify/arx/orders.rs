@@ -83,7 +83,7 @@ pub fn table(candidates: &[Candidate], outputs: &[String], shown: usize) -> Tabl
         };
         let fits = candidate.fits.iter().filter(|_| several).map(|fit| percent(*fit, stable));
         let criteria = [candidate.aicc, candidate.bic, candidate.mdl];
-        let criteria = criteria.map(|value| value.map_or("-".into(), |value| format!("{value:.4}")));
+        let criteria = criteria.map(|value| value.map_or("-".into(), |value| format!("{value:.1}")));
         let first = [format!("{}{mark}", candidate.structure), candidate.parameters.to_string(), fit];
         first.into_iter().chain(fits).chain(criteria).collect()
     };

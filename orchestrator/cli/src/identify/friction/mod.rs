@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "M2", requires = "pressure", allow_hyphen_values = true)]
     pub area: Option<f64>,
     /// Moving mass [kg], where the part accelerates. Default: inertia is left out.
-    #[arg(long, value_name = "KG", value_parser = parse_mass)]
+    #[arg(long, value_name = "KG", value_parser = parse_mass, allow_hyphen_values = true)]
     pub mass: Option<f64>,
     /// Estimate the moving mass as well.
     #[arg(long, conflicts_with = "mass")]
