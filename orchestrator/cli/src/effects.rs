@@ -151,9 +151,10 @@ fn told(folder: &Folder) -> ExitCode {
 fn check(path: &Path) -> Result<ExitCode, Error> {
     let folder = Folder::read(path)?;
     for (file, own) in &folder.effects {
-        let (states, parameters) = (own.states.len(), own.parameters.len());
+        let (states, parameters) =
+            (names::counted(own.states.len(), "state"), names::counted(own.parameters.len(), "parameter"));
         output::print(&format!(
-            "{}: {} at a {} port, {states} states, {parameters} parameters\n",
+            "{}: {} at a {} port, {states}, {parameters}\n",
             file.display(),
             own.kind,
             own.port.word()

@@ -20,6 +20,7 @@ use airloop_fmi::{
     Causality, DependencyKind, Fmu, Initial, Interface, InterfaceKind, ModelDescription, Unknown,
     Variability, Variable, VariableKind,
 };
+use airloop_series::names::counted;
 
 /// `airloop inspect`
 #[derive(Debug, clap::Args)]
@@ -161,12 +162,14 @@ pub fn text(findings: &[Finding]) -> String {
 }
 
 fn summary(findings: &[Finding], no_run: bool) -> String {
-    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
+    let count = |severity, noun| {
+        counted(findings.iter().filter(|finding| finding.severity == severity).count(), noun)
+    };
     format!(
-        "{} errors, {} warnings, {} notes{}\n",
-        count(Severity::Error),
-        count(Severity::Warning),
-        count(Severity::Note),
+        "{}, {}, {}{}\n",
+        count(Severity::Error, "error"),
+        count(Severity::Warning, "warning"),
+        count(Severity::Note, "note"),
         if no_run { " (the library was not run)" } else { "" }
     )
 }

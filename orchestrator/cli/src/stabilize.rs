@@ -270,7 +270,7 @@ fn largest_errors(
 
 fn report(summary: &Summary, closed: &Path, folder: &Path) -> String {
     let mut text = format!(
-        "controller: {} states with disturbances, inputs: {}, measured signals: {}, every {} s, {} samples{}\n\n",
+        "controller: states with disturbances: {}, inputs: {}, measured signals: {}, every {} s, samples: {}{}\n\n",
         summary.signals.iter().filter(|signal| signal.kind == "state").count()
             + summary
                 .signals

@@ -21,6 +21,7 @@ use airloop_plan::stabilize::settings;
 use airloop_plan::trials::{self, Ready, Request, Trial};
 use airloop_report::plot;
 use airloop_report::plot::stabilize::{TRAJECTORIES, share};
+use airloop_series::names::counted;
 use airloop_series::{TimeSeries, csv};
 
 /// A row per trial.
@@ -38,13 +39,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
     /// Number of trials, of the closed loop and of the plan alone each.
-    #[arg(long, value_name = "NUMBER", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "NUMBER", default_value_t = 200, value_parser = parse_count, allow_hyphen_values = true)]
     pub count: u32,
     /// Seed of the first trial; each next one has the next seed. A seed gives the same trial on any number of threads.
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = parse_seed, allow_hyphen_values = true)]
     pub seed: u64,
     /// Factor of all perturbations; the sensor noise stays as it is.
-    #[arg(long, value_name = "NUMBER", default_value_t = 1.0)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 1.0, allow_hyphen_values = true)]
     pub scale: f64,
     /// Coupling of the components. monolithic has no coupling error.
     #[arg(long, value_enum, default_value_t = MasterChoice::GaussSeidel)]
@@ -64,6 +65,15 @@ pub struct Args {
     /// Print nothing but errors.
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+fn parse_count(text: &str) -> Result<u32, String> {
+    let count = text.parse().ok().filter(|count| (1..=1_000_000).contains(count));
+    count.ok_or_else(|| "write a whole number from 1 to 1000000".to_owned())
+}
+
+fn parse_seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("write a whole number from 0 to {}", u64::MAX))
 }
 
 /// Runs the command.
@@ -161,7 +171,7 @@ fn drawn_again(ready: &Ready, trials: &[Trial]) -> Vec<String> {
     let named = ready.perturbations.iter().enumerate().map(|(number, one)| (&one.name, of(number)));
     let text = |(name, again): (&String, Vec<usize>)| {
         let draws: usize = again.iter().sum();
-        format!("{name}: {draws} draws in {} trials", again.len())
+        format!("{name}: {} in {}", counted(draws, "draw"), counted(again.len(), "trial"))
     };
     named.filter(|(_, again)| !again.is_empty()).map(text).collect()
 }
@@ -219,8 +229,15 @@ fn report(summary: &TrialsSummary, folder: &Path) -> String {
     );
     text += &table(&["criterion", "closed loop", "open loop"], &rows, &[1, 2]);
     text.push('\n');
-    if !summary.ended_early.is_empty() {
-        text += &format!("note: {} trials ended early and keep no criterion\n", summary.ended_early.len());
+    for kind in ["closed", "open"] {
+        let of_kind = |text: &&String| text.contains(&format!(", {kind} loop: "));
+        let early = summary.ended_early.iter().filter(of_kind).count();
+        if early > 0 {
+            text += &format!(
+                "note: {early} of {} in {kind} loop ended early and keep no criterion\n",
+                counted(if kind == "closed" { summary.closed_loop } else { summary.open_loop }, "trial")
+            );
+        }
     }
     for drawn in &summary.drawn_again {
         text += &format!(

@@ -369,3 +369,45 @@ fn names_of_other_kinds_of_files_are_refused_and_temporary_names_are_not_told() 
         assert!(message.contains("cannot be written") && !message.contains(".writing"), "{message}");
     }
 }
+
+#[test]
+fn resample_replaces_its_own_result_only() {
+    let folder = TempDir::new().unwrap();
+    let record = |shift: f64| {
+        let row = |k: i32| format!("{},{}\n", f64::from(k) * 0.01, (f64::from(k) * 0.05 + shift).sin());
+        "time,u\n".to_owned() + &(0..200).map(row).collect::<String>()
+    };
+    write(&folder, "a.csv", &record(0.0));
+    write(&folder, "b.csv", &record(1.0));
+    let words = |name, method| ["resample", name, "--step", "20ms", "--method", method, "-o", "o.csv"];
+    let text = succeeds(&folder, &words("a.csv", "linear"));
+    assert!(text.contains("200 samples, 0.01 s apart, give 100 samples"), "{text}");
+    succeeds(&folder, &words("a.csv", "filter"));
+    let message = fails(&folder, &words("b.csv", "filter"), 1);
+    assert!(message.contains("is not this record on this grid"), "{message}");
+    let message = fails(&folder, &["resample", "a.csv", "--step", "1e-12", "-o", "p.csv"], 1);
+    assert!(message.contains("makes 2.0e12 samples"), "{message}");
+}
+
+#[test]
+fn negative_numbers_of_trials_are_explained() {
+    let folder = TempDir::new().unwrap();
+    for (words, expected) in [
+        (["trials", "x", "--count", "-1"], "write a whole number from 1 to 1000000"),
+        (["trials", "x", "--count", "1e9"], "write a whole number from 1 to 1000000"),
+        (["trials", "x", "--seed", "-1"], "write a whole number from 0"),
+    ] {
+        let message = fails(&folder, &words, 2);
+        assert!(message.contains(expected), "{message}");
+    }
+    let message = fails(&folder, &["trials", "x", "--scale", "-1"], 1);
+    assert!(message.contains("--scale"), "{message}");
+}
+
+#[test]
+fn a_broken_fmu_is_named_once() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "trunc.fmu", "PK");
+    let message = fails(&folder, &["run", "trunc.fmu", "--stop", "1"], 1);
+    assert_eq!(message.matches("trunc.fmu").count(), 1, "{message}");
+}
