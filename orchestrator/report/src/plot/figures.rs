@@ -1,7 +1,7 @@
 //! One function per kind of figure.
 
 use super::axes::{Axis, curve, range};
-use super::svg::{Anchor, SERIES_CLASSES, Svg};
+use super::svg::{Anchor, DASH_CLASSES, SERIES_CLASSES, Svg};
 
 const WIDTH: f64 = 960.0;
 const LEFT: f64 = 84.0;
@@ -81,9 +81,13 @@ pub fn comparison(figure: &Comparison) -> String {
 
 /// Several signals of one unit over time; one alone is named by the title, several by the legend.
 pub fn signals(unit: &str, curves: &[Curve]) -> String {
+    signals_of("", unit, curves)
+}
+
+/// Same as [`signals`], where several are of one quantity, which the axis names.
+pub fn signals_of(quantity: &str, unit: &str, curves: &[Curve]) -> String {
     let upper = 320.0;
-    let classes: Vec<String> =
-        (0..curves.len()).map(|index| format!("s{}", index % SERIES_CLASSES)).collect();
+    let classes: Vec<String> = (0..curves.len()).map(series_class).collect();
     let entries: Vec<(&str, &str)> =
         classes.iter().zip(curves).map(|(class, curve)| (class.as_str(), curve.name)).collect();
     let rows = if curves.len() > 1 { legend_rows(&entries, WIDTH - LEFT - RIGHT) } else { Vec::new() };
@@ -94,7 +98,7 @@ pub fn signals(unit: &str, curves: &[Curve]) -> String {
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
     let y = Axis::new(range(values), (top + upper, top)).padded(0.06);
     let names: Vec<&str> = curves.iter().map(|curve| curve.name).collect();
-    let label = axis_label(if let [name] = names[..] { name } else { "" }, unit);
+    let label = axis_label(if let [name] = names[..] { name } else { quantity }, unit);
     panel(&mut svg, &x, &y, 6, true, &label);
     for (curve, class) in curves.iter().zip(&classes) {
         curve.draw(&mut svg, &x, &y, class);
@@ -106,6 +110,15 @@ pub fn signals(unit: &str, curves: &[Curve]) -> String {
         legend(&mut svg, row, 24.0 + ROW * index as f64);
     }
     svg.finish(&format!("{} over time", names.join(", ")))
+}
+
+/// Class of a curve: a color, and from the second use of the colors on a dash.
+fn series_class(index: usize) -> String {
+    let color = format!("s{}", index % SERIES_CLASSES);
+    match index / SERIES_CLASSES {
+        0 => color,
+        dash => format!("{color} d{}", dash.min(DASH_CLASSES)),
+    }
 }
 
 fn time_axis(times: &[&[f64]]) -> Axis {

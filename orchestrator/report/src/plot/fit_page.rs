@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::figures::{Comparison, Curve, comparison};
-use super::page::STYLE;
+use super::page::{STYLE, with_code};
 use super::svg::escape;
 use airloop_ident::fit;
 use airloop_series::TimeSeries;
@@ -32,7 +32,7 @@ pub struct Table {
     pub heading: String,
     /// Texts of the header.
     pub header: Vec<String>,
-    /// Rows of texts. All columns but the first hold numbers.
+    /// Rows of texts. Columns but the first are aligned as numbers, unless they hold sentences.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -41,14 +41,14 @@ pub fn html(page: &Page) -> String {
     let title = escape(&page.title);
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body><main>\n<h1>{title}</h1>\n<p class=\"lead\">{}</p>\n",
-        escape(&page.lead)
+        with_code(&page.lead)
     );
     html.push_str(&page.motion);
     for (heading, texts) in page.remarks.iter().filter(|(_, texts)| !texts.is_empty()) {
         // Writing into a String cannot fail.
         let _ = writeln!(html, "<h2>{}</h2>\n<ul>", escape(heading));
         for text in texts {
-            let _ = writeln!(html, "<li>{}</li>", escape(text));
+            let _ = writeln!(html, "<li>{}</li>", with_code(text));
         }
         html.push_str("</ul>\n");
     }
@@ -57,9 +57,10 @@ pub fn html(page: &Page) -> String {
             let _ = writeln!(html, "<h2>{}</h2>", escape(&table.heading));
         }
         html.push_str("<table><thead>");
-        row(&mut html, "th", &table.header);
+        let prose: Vec<bool> = (0..table.header.len()).map(|column| is_prose(table, column)).collect();
+        row(&mut html, "th", &table.header, &prose);
         html.push_str("</thead><tbody>\n");
-        table.rows.iter().for_each(|cells| row(&mut html, "td", cells));
+        table.rows.iter().for_each(|cells| row(&mut html, "td", cells, &prose));
         html.push_str("</tbody></table>\n");
     }
     for figure in &page.figures {
@@ -68,10 +69,20 @@ pub fn html(page: &Page) -> String {
     html + "</main></body></html>\n"
 }
 
-fn row(html: &mut String, tag: &str, cells: &[String]) {
+/// Whether a column is read from the left: the first, and one with sentences.
+fn is_prose(table: &Table, column: usize) -> bool {
+    const WORDS_OF_A_SENTENCE: usize = 4;
+    let begins_as_number = |cell: &str| cell.starts_with(|c: char| c.is_ascii_digit() || "-+<".contains(c));
+    let is_sentence =
+        |cell: &str| !begins_as_number(cell) && cell.split_whitespace().count() >= WORDS_OF_A_SENTENCE;
+    column == 0 || table.rows.iter().filter_map(|row| row.get(column)).any(|cell| is_sentence(cell))
+}
+
+fn row(html: &mut String, tag: &str, cells: &[String], prose: &[bool]) {
     html.push_str("<tr>");
     for (index, cell) in cells.iter().enumerate() {
-        let class = if index == 0 { "" } else { " class=\"n\"" };
+        let left = prose.get(index).copied().unwrap_or(index == 0);
+        let class = if left { "" } else { " class=\"n\"" };
         let _ = write!(html, "<{tag}{class}>{}</{tag}>", escape(cell));
     }
     html.push_str("</tr>\n");

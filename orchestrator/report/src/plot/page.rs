@@ -23,7 +23,7 @@ pub fn page(summary: &Summary, figures: &[String]) -> String {
         settings.step_size,
         escape(&settings.master),
         escape(&summary.airloop_version),
-        escape(summary.outcome.message.as_deref().unwrap_or(&summary.outcome.status)),
+        with_code(summary.outcome.message.as_deref().unwrap_or(&summary.outcome.status)),
     );
     if !summary.signals.is_empty() {
         fits(&mut html, summary);
@@ -34,6 +34,19 @@ pub fn page(summary: &Summary, figures: &[String]) -> String {
     details(&mut html, summary);
     html.push_str("</main></body></html>\n");
     html
+}
+
+/// A text with what stands between backticks as code.
+pub(super) fn with_code(text: &str) -> String {
+    // The last of an odd number of backticks opens nothing.
+    if text.matches('`').count() % 2 == 1 {
+        return escape(text);
+    }
+    let part = |(index, part): (usize, &str)| match index % 2 {
+        1 => format!("<code>{}</code>", escape(part)),
+        _ => escape(part),
+    };
+    text.split('`').enumerate().map(part).collect()
 }
 
 pub(super) const STYLE: &str = "body{margin:0;background:#f4f4f2;color:#222;font:16px/1.5 Helvetica,Arial,sans-serif}\
@@ -76,8 +89,17 @@ fn details(html: &mut String, summary: &Summary) {
     if !summary.fallbacks.is_empty() {
         html.push_str("<h2>Notes</h2>\n<ul>\n");
         for note in &summary.fallbacks {
-            let _ = writeln!(html, "<li>{}</li>", escape(note));
+            let _ = writeln!(html, "<li>{}</li>", with_code(note));
         }
         html.push_str("</ul>\n");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn backticks_become_code_where_they_are_pairs() {
+        assert_eq!(super::with_code("`a<b` is 1"), "<code>a&lt;b</code> is 1");
+        assert_eq!(super::with_code("a ` alone"), "a ` alone");
     }
 }

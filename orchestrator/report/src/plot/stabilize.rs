@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use super::figures::{Curve, signals};
+use super::figures::{Curve, signals, signals_of};
 use super::fit_page::{Page, Table, html};
 use super::plan::stick;
 use super::run::{short, unique_files, write};
 use airloop_plan::stabilize::record::{MonodromyRecord, Summary, TrialsSummary, gain_column};
+use airloop_series::names::counted;
 use airloop_series::{TimeSeries, csv};
 
 /// The plan with its gains.
@@ -133,7 +134,7 @@ pub fn draw_trials(
     shown: &[(String, Option<String>)],
 ) -> Result<Vec<PathBuf>, Error> {
     let trajectories = csv::read(&folder.join(TRAJECTORIES))?;
-    let mut figures = Vec::new();
+    let (mut figures, mut drawn) = (Vec::new(), 0);
     for (name, unit) in shown {
         for kind in ["closed", "open"] {
             let beginning = format!("{name}, {kind} loop, seed ");
@@ -148,7 +149,8 @@ pub fn draw_trials(
                     name: &channel.name,
                 })
                 .collect();
-            figures.push(signals(unit.as_deref().unwrap_or(""), &curves));
+            drawn = drawn.max(curves.len());
+            figures.push(signals_of(name, unit.as_deref().unwrap_or(""), &curves));
         }
     }
     let rows = summary.criteria.iter().map(|criterion| {
@@ -161,8 +163,16 @@ pub fn draw_trials(
     let page = Page {
         title: "Trials".into(),
         lead: format!(
-            "{} trials from seed {} with {} times the perturbation, {} master.",
-            summary.count, summary.seed, summary.scale, summary.master
+            "{} from seed {} with {} times the perturbation, {} master.{}",
+            counted(summary.count, "trial"),
+            summary.seed,
+            summary.scale,
+            summary.master,
+            if drawn < summary.count {
+                format!(" The figures show {drawn} of them: the first seeds, without those that ended early.")
+            } else {
+                String::new()
+            }
         ),
         remarks: vec![
             ("Trials that ended early".into(), summary.ended_early.clone()),

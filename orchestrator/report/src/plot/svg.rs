@@ -164,6 +164,8 @@ polyline{fill:none;stroke-width:1.5;stroke-linejoin:round;stroke-linecap:round}l
 .open{fill:#fff}.dot{fill:#0b62a8;stroke:none}.dot-beyond{fill:#b23a2e;stroke:none}\
 .faint{fill:#888;fill-opacity:.35;stroke:none}";
 
+/// Number of dashes `d1`, `d2` ...
+pub const DASH_CLASSES: usize = 3;
 /// Number of series classes `s0`, `s1` ...
 pub const SERIES_CLASSES: usize = 6;
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::Plan;
 use super::animation::animation;
 use super::stick::moving;
-use crate::plot::page::STYLE;
+use crate::plot::page::{STYLE, with_code};
 use crate::plot::run::short;
 use crate::plot::svg::escape;
 
@@ -29,10 +29,10 @@ pub(super) fn page(plan: &Plan, figures: &[String]) -> String {
         summary.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(" + "),
         escape(&summary.guess),
         escape(&summary.airloop_version),
-        escape(&summary.message),
+        with_code(&summary.message),
     );
     for problem in [&summary.worst, &summary.blocking].into_iter().flatten() {
-        let _ = writeln!(html, "<p class=\"problem\">{}</p>", escape(problem));
+        let _ = writeln!(html, "<p class=\"problem\">{}</p>", with_code(problem));
     }
     html += &animation(plan);
     html += &moving(plan);
@@ -45,7 +45,7 @@ pub(super) fn page(plan: &Plan, figures: &[String]) -> String {
     if !summary.notes.is_empty() {
         html.push_str("<h2>Notes</h2>\n<ul>\n");
         for note in &summary.notes {
-            let _ = writeln!(html, "<li>{}</li>", escape(note));
+            let _ = writeln!(html, "<li>{}</li>", with_code(note));
         }
         html.push_str("</ul>\n");
     }
