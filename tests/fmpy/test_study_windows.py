@@ -30,6 +30,8 @@ MACHINE = System(
     short=False,
 )
 STEP, SAMPLES = 0.01, 2001
+# Friction that grows with the square of the position [N/m2].
+ALONG = 1.5
 STUDY = """system = "machine.fmu"
 
 [inputs]
@@ -48,23 +50,25 @@ windows_s = 1.0
 """
 
 
-def motion(commands, coulomb, off):
+def motion(commands, coulomb, off, along=0.0):
+    """States of the true machine; friction: a level `coulomb` [N] and one that grows with the square of the position, `along` [N/m2]."""
     gain, mass = GAIN * (1 + off[0]), MASS * (1 + off[1])
 
     def rate(state, u):
-        force, v, _ = state
-        return np.array([(gain * u - force) / LAG, (force - DRAG * v - coulomb * np.tanh(v / 0.05)) / mass, v])
+        force, v, x = state
+        friction = (coulomb + along * x**2) * np.tanh(v / 0.05)
+        return np.array([(gain * u - force) / LAG, (force - DRAG * v - friction) / mass, v])
 
     return simulated(rate, np.zeros(3), commands, STEP, 10)
 
 
-def write(folder, coulomb, off=(0.0, 0.0)):
+def write(folder, coulomb, off=(0.0, 0.0), along=0.0):
     build(MACHINE, EQUATIONS, folder)
     text = STUDY
     for k, role in enumerate(["estimation", "estimation", "validation"]):
         draw = np.random.default_rng(40 + k)
         commands = np.repeat(draw.uniform(-1, 1, SAMPLES // 40 + 1), 40)[:SAMPLES]
-        _, v, x = motion(commands, coulomb, off).T
+        _, v, x = motion(commands, coulomb, off, along).T
         columns = [np.arange(SAMPLES) * STEP, commands, x + draw.normal(0, 2e-4, SAMPLES), v + draw.normal(0, 2e-3, SAMPLES)]
         np.savetxt(folder / f"r{k}.csv", np.column_stack(columns), fmt="%.7g", delimiter=",", header="time,u,x,v", comments="")
         text += f'\n[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\n'
@@ -83,6 +87,16 @@ def test_a_state_without_a_sensor_goes_on_where_a_window_restarts(tmp_path, coul
         value = next(e for e in found["effects"] if e["selected"])["params"]["force"]
         assert value["value"] == pytest.approx(coulomb, rel=0.03)
         amended_has_printed_errors(study, tmp_path / "out", found)
+
+
+def test_a_law_is_found_in_windows_that_are_longer_than_it_is_nearly_linear(tmp_path):
+    study = write(tmp_path / "study", 0.0, along=ALONG)
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 13, result.stdout + result.stderr
+    found = json.loads((tmp_path / "out" / "report.json").read_text())
+    law = found["law"]
+    assert law["port"] == "f_x" and law["formula"] == "a*x^2*tanh(v/sb)"
+    assert law["params"]["a"]["value"] == pytest.approx(ALONG, rel=0.03)
 
 
 def test_declared_values_that_are_off_are_no_gain_of_the_command(tmp_path):

@@ -1,9 +1,9 @@
 //! How far a study reaches before a search adds to it, so that what was of no use can be taken away again as a whole:
-//! a candidate whose attachment is gone would be simulated nowhere.
+//! a candidate whose attachment is gone would be simulated nowhere. Steps of integration that a law needs go with it.
 
 use crate::study::model::Study;
 
-/// Lengths of the lists that a search for laws adds to.
+/// Lengths of the lists that a search for laws adds to, and the steps of integration per sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Extent {
     entries: usize,
@@ -11,6 +11,7 @@ pub(crate) struct Extent {
     surfaces: usize,
     own: usize,
     taps: usize,
+    substeps: usize,
 }
 
 impl Extent {
@@ -21,6 +22,7 @@ impl Extent {
             surfaces: study.surfaces.len(),
             own: study.own.len(),
             taps: study.taps.len(),
+            substeps: study.substeps,
         }
     }
 
@@ -31,6 +33,7 @@ impl Extent {
         study.surfaces.truncate(self.surfaces);
         study.own.truncate(self.own);
         study.taps.truncate(self.taps);
+        study.substeps = self.substeps;
         study.forget_instances();
     }
 }

@@ -21,6 +21,7 @@ use crate::study::effects;
 use crate::study::errors::{errors, force};
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model, pieces};
+use crate::study::integration;
 use crate::study::law::{Point, Variable};
 use crate::study::model::{Action, Entry, Output, Study, Tap};
 use crate::study::ruling::share;
@@ -338,15 +339,19 @@ pub(crate) fn push(
 impl Finder<'_> {
     pub(super) fn say_law(
         &self,
-        study: &Study,
+        study: &mut Study,
         judge: &Judge,
         declared: &Model,
         found: Found,
         answer: &Answer,
     ) -> Option<Outcome> {
-        let model = extended(&found.model, study);
-        let (mut model, mut fits) = (model, self.fits_with_all_steps(study));
-        if self.aim.is_share() {
+        let mut model = extended(&found.model, study);
+        // Those that do for the declared model may be too coarse for the law.
+        let finer = integration::finer(&self.fits_with_all_steps(study), &model);
+        study.substeps = finer.unwrap_or(study.substeps);
+        let study = &*study;
+        let mut fits = self.fits_with_all_steps(study);
+        if self.aim.is_share() || finer.is_some() {
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
         }

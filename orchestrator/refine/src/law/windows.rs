@@ -8,6 +8,8 @@ use crate::study::simulate::{Piece, View};
 
 /// Windows of the longest record.
 pub const WINDOWS: usize = 20;
+/// Parts of a window of the study, at least.
+const PARTS_OF_WINDOW: usize = 3;
 /// Fewest samples of a window.
 const MIN_SAMPLES: usize = 40;
 /// Samples on either side over which a velocity is taken from measured positions.
@@ -78,15 +80,20 @@ fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
 
 impl Windows {
     /// So many windows of the longest record with states as measured, and of a model where they are not; none where a
-    /// simulation cannot start anywhere, or already restarts in windows.
+    /// simulation cannot start anywhere, or already restarts in windows that are no longer.
     pub fn new(fits: &Fits, base: &Model, windows: usize) -> Option<Windows> {
         let study = fits.study;
-        if study.sampled || study.windows.is_some() {
+        if study.sampled {
             return None;
         }
         let seen = seen(study).filter(|own| !own.is_empty())?;
         let longest = fits.pieces.iter().map(|piece| piece.range.len()).max()?;
-        let length = (longest / windows).max(MIN_SAMPLES);
+        let restarts = |piece: &Piece| study.window(study.records[piece.record].step);
+        let restarted = fits.pieces.iter().filter_map(restarts).min().unwrap_or(usize::MAX);
+        let length = (longest / windows).min(restarted / PARTS_OF_WINDOW).max(MIN_SAMPLES);
+        if restarted <= length {
+            return None;
+        }
         let view = fits.view(&base.added, &fits.pieces);
         let (mut pieces, mut begins) = (Vec::new(), Vec::new());
         for (r, piece) in fits.pieces.iter().enumerate() {

@@ -41,7 +41,7 @@ mod horizon;
 pub mod identified;
 pub mod influence;
 pub mod initial_guesses;
-mod integration;
+pub(crate) mod integration;
 pub mod kinds;
 pub mod law;
 mod linear;
