@@ -434,7 +434,10 @@ fn text(graph: &SystemGraph, system: &str, matched: &Matched, names: &[String]) 
     line("# min = 0.0");
     line("");
     line(
-        "# A system that drifts away (an axis that only a force moves) is compared in windows that begin anew:",
+        "# A system that drifts away (an axis that only a force moves) is compared in windows that begin anew. Effects of",
+    );
+    line(
+        "# sensors (offset, lag, gain) are not tested then, as every window begins at what the sensors show:",
     );
     line("# [error]");
     line("# windows_s = 1.0");

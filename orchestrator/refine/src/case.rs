@@ -222,7 +222,7 @@ impl Case {
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         if folder.is_file() {
-            let problem = "a single file cannot be searched: give the folder of a case with case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
+            let problem = "a single file cannot be searched: give the folder that holds case.toml (declared model, sensors, files) and its records, or a study.toml for another system";
             return Err(Error::Case { path: folder.into(), problem: problem.into() });
         }
         let text = airloop_series::file::read_to_string(&path).map_err(|error| refused(error.to_string()))?;

@@ -8,6 +8,10 @@ use airloop_refine::evidence::Signal;
 use airloop_refine::law::found::Law;
 use airloop_refine::share::percent;
 
+/// Share of the error on held-out records that an effect has to take away to be named as the nearest of those that were
+/// not accepted.
+const MIN_SHARE_OF_NEAREST: f64 = 0.1;
+
 /// A number with enough digits to read.
 pub fn number(value: f64) -> String {
     let size = value.abs();
@@ -96,10 +100,10 @@ pub fn sentence(answer: &Answer) -> String {
                 .as_ref()
                 .map_or_else(String::new, |(place, _)| format!(" at {}", at(place)));
             format!(
-                "The search ended before it was through: something is missing{at}, and none of the effects tried so far explains it. Give it more time with --budget."
+                "The search ended before it was through: something is missing{at}, and none of the effects tried so far explains it. Let it run to its end, or give it more time with --budget."
             )
         }
-        (true, _) => format!("{} The search ended before it was through.", answered(answer)),
+        (true, _) => format!("The search ended before it was through. So far: {}", answered(answer)),
         (false, _) => answered(answer),
     }
 }
@@ -135,7 +139,8 @@ fn answered(answer: &Answer) -> String {
                 "The actuator does not follow its declared model where the piston moves (channel {channel}{on}): a pneumatic cylinder from first principles takes its place."
             );
         }
-        format!("something at {}{on}, that is none of the known effects", at(place))
+        let comma = if on.is_empty() { "" } else { "," };
+        format!("something at {}{on}{comma} that is none of the known effects", at(place))
     });
     match (answer.verdict, rest) {
         (Verdict::Effect, Some(moving)) if answer.cylinder => {
@@ -162,10 +167,26 @@ fn answered(answer: &Answer) -> String {
                 )
             });
             format!(
-                "The declared model lacks {}.{corrected}",
-                rest.unwrap_or_else(|| "something that is none of the known effects".into())
+                "The declared model lacks {}.{corrected}{}",
+                rest.unwrap_or_else(|| "something that is none of the known effects".into()),
+                nearest(answer)
             )
         }
+    }
+}
+
+/// The effect that was not accepted and took more of the error away than any other, in a sentence; nothing where none
+/// took much, or where one was accepted.
+fn nearest(answer: &Answer) -> String {
+    let tried = answer.steps.first().map_or(&[][..], |step| &step.candidates);
+    let best = tried.iter().max_by(|a, b| a.held_out_gain.total_cmp(&b.held_out_gain));
+    match best.filter(|own| own.rejected.is_some() && own.held_out_gain >= MIN_SHARE_OF_NEAREST) {
+        Some(own) => format!(
+            " Of the known effects {} comes nearest: it takes away {} of the error on held-out records.",
+            own.id,
+            percent(own.held_out_gain)
+        ),
+        None => String::new(),
     }
 }
 

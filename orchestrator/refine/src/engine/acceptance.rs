@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use super::forward_selection::Run;
 use super::normal::residuals;
 use super::question::{Step, Tried};
-use crate::share::percent;
+use crate::share::percent_below;
 
 /// Ties by which a candidate at a bound of its parameters may leave less than one with fewer parameters that stands in
 /// its place.
@@ -30,17 +30,15 @@ impl Run<'_> {
         if share < s.min_held_out_share && !(dominant && told) {
             let whole =
                 if self.whole_error < self.declared_error { "spread of the records" } else { "error" };
+            let [share, least] = percent_below(share, s.min_held_out_share);
             return Some(format!(
-                "it takes away {} of the {whole} on held-out records beyond the corrections, less than {:.0} %",
-                percent(share),
-                100.0 * s.min_held_out_share
+                "it takes away {share} of the {whole} on held-out records beyond the corrections, less than {least}"
             ));
         }
         if tried.alone < s.min_share_alone {
+            let [alone, least] = percent_below(tried.alone, s.min_share_alone);
             return Some(format!(
-                "without corrections of declared parameters it takes away {} of the error, less than {:.0} %",
-                percent(tried.alone),
-                100.0 * s.min_share_alone
+                "without corrections of declared parameters it takes away {alone} of the error, less than {least}"
             ));
         }
         if let Some(same) = q.same(tried.candidate) {

@@ -12,6 +12,7 @@ use super::time_grid::{Grid, grid, own_step};
 use super::{names, signal, sparse};
 use crate::{Error, cleaned, spikes};
 use airloop_cosim::system::SystemGraph;
+use airloop_series::names::counted;
 use airloop_series::units::lookup;
 use airloop_series::{TimeSeries, csv};
 use toml::Spanned;
@@ -267,10 +268,10 @@ pub fn records(
             )));
         }
         if whole > 1 {
+            let places = counted(whole - 1, "place");
             notes.push(format!(
-                "{}: rows are missing in {} places, and with them what drove the system: the record goes on behind each as one of its own, with initial states that are fitted.",
+                "{}: rows are missing in {places}, and with them what drove the system: the record goes on behind each as one of its own, with initial states that are fitted.",
                 segment.file,
-                whole - 1
             ));
         }
         for span in spans {

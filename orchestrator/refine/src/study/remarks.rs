@@ -6,15 +6,16 @@ use super::explain::{Judge, Rest};
 use super::fits::{Fits, Model};
 use super::search::Selection;
 use super::simulate::Piece;
+use crate::share::percent;
 
 /// Sentence on a residual that has no place.
 pub(super) const DEPENDS_ON_NOTHING: &str = "What is left on estimation records depends on none of the variables known at the attachments: memory, other places, or noise that is not white.";
 
 /// Sentences on the share of noise in the residual on the estimation records.
 pub(super) fn noise(judge: &Judge, model: &Model) -> Vec<String> {
-    let times = model.error / judge.power.sqrt();
+    let share = percent(judge.power.sqrt() / model.error);
     let mut found = vec![format!(
-        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give 1/{times:.3} of the error on estimation records (simulated {} times).",
+        "Noise and rounding of the sensors, carried through filters, initial states and inputs, give {share} of the error on estimation records (simulated {} times).",
         judge.draws()
     )];
     if judge.tolerated > 1.5 * judge.power {
@@ -31,11 +32,16 @@ pub(super) fn leftover(fits: &Fits, judge: &Judge, model: &Model, rest: &Rest) -
     let mut found = Vec::new();
     if let Some((place, variables)) = &rest.place {
         let at = place.split_once('@').map_or(place.as_str(), |(_, port)| port);
-        let share = 100.0 * (rest.gain / model.error.powi(2)).min(1.0);
-        found.push(format!(
-            "A free form over {} at {at} would take away {share:.0} % of the power that is left on estimation records.",
-            variables.join(" and ")
-        ));
+        let (share, over) = (rest.gain / model.error.powi(2), variables.join(" and "));
+        // By derivatives around the model, which far from it promise more than there is.
+        found.push(if share < 1.0 {
+            format!(
+                "A free form over {over} at {at} would take away {:.0} % of the power that is left on estimation records.",
+                100.0 * share
+            )
+        } else {
+            format!("What is left on estimation records depends on {over} at {at}.")
+        });
     } else if !judge.explained(fits, model) {
         found.push(DEPENDS_ON_NOTHING.into());
     }
