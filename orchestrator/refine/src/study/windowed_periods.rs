@@ -24,9 +24,9 @@ const FITTED: usize = 4;
 const FITTED_LONG: usize = 2;
 /// Steps of a fit.
 const ROUNDS: usize = 8;
-/// Share of the sum of squares that a force has to take away over windows, by the linear step to be fitted there and
-/// after the fit to be fitted over longer ones, and over whole records for other starts to be left out.
-const MIN_SHARE_OF_WINDOWS: f64 = 0.3;
+/// Share of the sum of squares that a force has to take away over windows to be fitted over longer ones, and over whole
+/// records for other starts to be left out.
+const MIN_SHARE_OF_WINDOWS: f64 = 0.2;
 const MIN_SHARE_OF_RECORDS: f64 = 0.5;
 
 /// Gives candidates for periodic forces the starts that windows lead to, where these can begin as measured.
@@ -113,7 +113,6 @@ impl Windowed<'_> {
         };
         let promises = parallel::map(own.starts.len(), promise);
         let mut found: Vec<(f64, Vec<f64>)> = promises.into_iter().flatten().collect();
-        found.retain(|own| own.0 < (1.0 - MIN_SHARE_OF_WINDOWS) * without);
         ascending(&mut found, |own| own.0);
         Some((without, found.into_iter().take(FITTED).map(|own| own.1).collect()))
     }
