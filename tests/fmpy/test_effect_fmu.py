@@ -105,7 +105,7 @@ def test_the_amended_system_has_the_fmu_and_runs_as_the_truth_does(refined):
 
 def test_the_command_checks_it_and_says_what_does_not_fit(refined, tmp_path):
     effects = refined[0] / "effects"
-    assert "bristle at a force port, 1 states, 2 parameters" in airloop("effects", "check", effects)
+    assert "bristle at a force port, 1 state, 2 parameters" in airloop("effects", "check", effects)
     shown = airloop("effects", "show", effects, "--figure", tmp_path / "bristle.svg")
     assert "force of bristle.fmu" in shown and "stiffness" in shown and "state  force of the FMU" in shown
     for name, (old, new, words) in BAD.items():
