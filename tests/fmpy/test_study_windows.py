@@ -62,14 +62,14 @@ def motion(commands, coulomb, off, along=0.0):
     return simulated(rate, np.zeros(3), commands, STEP, 10)
 
 
-def write(folder, coulomb, off=(0.0, 0.0), along=0.0):
+def write(folder, coulomb, off=(0.0, 0.0), along=0.0, samples=SAMPLES):
     build(MACHINE, EQUATIONS, folder)
     text = STUDY
     for k, role in enumerate(["estimation", "estimation", "validation"]):
         draw = np.random.default_rng(40 + k)
-        commands = np.repeat(draw.uniform(-1, 1, SAMPLES // 40 + 1), 40)[:SAMPLES]
+        commands = np.repeat(draw.uniform(-1, 1, samples // 40 + 1), 40)[:samples]
         _, v, x = motion(commands, coulomb, off, along).T
-        columns = [np.arange(SAMPLES) * STEP, commands, x + draw.normal(0, 2e-4, SAMPLES), v + draw.normal(0, 2e-3, SAMPLES)]
+        columns = [np.arange(samples) * STEP, commands, x + draw.normal(0, 2e-4, samples), v + draw.normal(0, 2e-3, samples)]
         np.savetxt(folder / f"r{k}.csv", np.column_stack(columns), fmt="%.7g", delimiter=",", header="time,u,x,v", comments="")
         text += f'\n[[segment]]\nfile = "r{k}.csv"\nrole = "{role}"\n'
     (folder / "study.toml").write_text(text)
@@ -90,7 +90,7 @@ def test_a_state_without_a_sensor_goes_on_where_a_window_restarts(tmp_path, coul
 
 
 def test_a_law_is_found_in_windows_that_are_longer_than_it_is_nearly_linear(tmp_path):
-    study = write(tmp_path / "study", 0.0, along=ALONG)
+    study = write(tmp_path / "study", 0.0, along=ALONG, samples=1001)
     result = refine(study, tmp_path / "out")
     assert result.returncode == 13, result.stdout + result.stderr
     found = json.loads((tmp_path / "out" / "report.json").read_text())
