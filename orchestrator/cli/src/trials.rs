@@ -153,7 +153,10 @@ pub fn run(args: &Args) -> Result<ExitCode, Error> {
     }
     results.commit()?;
     if !args.quiet {
-        output::print(&report(&summary, &args.output))?;
+        let early = [true, false].map(|closed| {
+            done.iter().filter(|trial| trial.closed == closed && trial.problem.is_some()).count()
+        });
+        output::print(&report(&summary, early, &args.output))?;
     }
     if interrupted {
         output::to_stderr(&format!("interrupted; the trials so far are in {}", args.output.display()));
@@ -207,7 +210,8 @@ fn trajectories(trials: &[Trial]) -> Result<TimeSeries, Error> {
     Ok(all)
 }
 
-fn report(summary: &TrialsSummary, folder: &Path) -> String {
+/// Text that is printed at the end; `early`: trials of the closed and of the open loop that ended early.
+fn report(summary: &TrialsSummary, early: [usize; 2], folder: &Path) -> String {
     let rows: Vec<Vec<String>> = summary
         .criteria
         .iter()
@@ -229,15 +233,12 @@ fn report(summary: &TrialsSummary, folder: &Path) -> String {
     );
     text += &table(&["criterion", "closed loop", "open loop"], &rows, &[1, 2]);
     text.push('\n');
-    for kind in ["closed", "open"] {
-        let of_kind = |text: &&String| text.contains(&format!(", {kind} loop: "));
-        let early = summary.ended_early.iter().filter(of_kind).count();
-        if early > 0 {
-            text += &format!(
-                "note: {early} of {} in {kind} loop ended early and keep no criterion\n",
-                counted(if kind == "closed" { summary.closed_loop } else { summary.open_loop }, "trial")
-            );
-        }
+    let loops = [("closed", summary.closed_loop), ("open", summary.open_loop)];
+    for ((kind, count), early) in loops.into_iter().zip(early).filter(|(_, early)| *early > 0) {
+        text += &format!(
+            "note: {early} of {} in {kind} loop ended early and keep no criterion\n",
+            counted(count, "trial")
+        );
     }
     for drawn in &summary.drawn_again {
         text += &format!(

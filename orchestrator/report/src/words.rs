@@ -463,3 +463,35 @@ pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
     };
     answer.effects.iter().map(row).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use airloop_refine::answer::{Step, Tried};
+
+    use super::*;
+
+    #[test]
+    fn the_nearest_effect_is_named_where_it_was_refused_and_took_much() {
+        let tried = |id: &str, held_out_gain: f64, rejected: Option<&str>| Tried {
+            id: id.into(),
+            held_out_gain,
+            rejected: rejected.map(str::to_owned),
+            port: None,
+        };
+        let said = |candidates: Vec<Tried>| {
+            let steps = vec![Step { candidates, ..Step::default() }];
+            let unexplained = Some(("@der_v".to_owned(), Vec::new()));
+            sentence(&Answer { verdict: Verdict::Unexplained, unexplained, steps, ..Answer::default() })
+        };
+        let lacking = "The declared model lacks something at der_v that is none of the known effects.";
+        let lag = |rejected| tried("sensor.lag(table)", 0.247, rejected);
+        assert_eq!(
+            said(vec![tried("gain@i", 0.1, Some("less")), lag(Some("less"))]),
+            format!(
+                "{lacking} Of the known effects sensor.lag(table) comes nearest: it takes away 25 % of the error on held-out records."
+            )
+        );
+        assert_eq!(said(vec![lag(None)]), lacking);
+        assert_eq!(said(vec![tried("gain@i", 0.09, Some("less"))]), lacking);
+    }
+}

@@ -229,6 +229,7 @@ fn table(entries: &[Entry]) -> Table {
         ]
     };
     Table {
+        sentences: false,
         heading: "Mean fits [%] on validation data".into(),
         header: header.map(str::to_owned).to_vec(),
         rows: entries.iter().map(row).collect(),
@@ -239,6 +240,7 @@ fn table(entries: &[Entry]) -> Table {
 fn notes(entries: &[Entry]) -> Table {
     let noted = entries.iter().filter(|entry| !entry.note.is_empty());
     Table {
+        sentences: true,
         heading: "How the models were estimated".into(),
         header: vec!["model".into(), "remark".into()],
         rows: noted

@@ -42,7 +42,12 @@ pub fn fits_table(summary: &Summary) -> Table {
         });
         std::iter::once(name.clone()).chain(cells).collect()
     };
-    Table { heading: String::new(), header, rows: summary.outputs.iter().map(row).collect() }
+    Table {
+        sentences: false,
+        heading: String::new(),
+        header,
+        rows: summary.outputs.iter().map(row).collect(),
+    }
 }
 
 /// A fit with two digits.

@@ -353,6 +353,7 @@ fn orders_table(estimate: &Estimate) -> Table {
         vec![found.order.to_string(), error]
     };
     Table {
+        sentences: false,
         heading: "Orders, estimated from a part of the data and judged on the rest".into(),
         header: vec!["order".into(), "held-out simulation error [%]".into()],
         rows: estimate.orders.iter().map(row).collect(),

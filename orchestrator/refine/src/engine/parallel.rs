@@ -67,7 +67,7 @@ pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
 }
 
 /// `f(0)`, `f(1)` ... `f(count - 1)` on several threads. Compiled once for all functions: threads and a sort of its
-/// own for every caller were a tenth of the code that the compiler had to optimize.
+/// own for every caller were a good part of the code that the compiler had to optimize.
 fn each(count: usize, f: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {

@@ -346,7 +346,7 @@ impl Finder<'_> {
         answer: &Answer,
     ) -> Option<Outcome> {
         let mut model = extended(&found.model, study);
-        // Those that do for the declared model may be too coarse for the law.
+        // Steps of integration that do for the declared model may be too coarse for the law.
         let finer = integration::finer(&self.fits_with_all_steps(study), &model);
         study.substeps = finer.unwrap_or(study.substeps);
         let study = &*study;

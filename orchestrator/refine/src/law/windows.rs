@@ -8,7 +8,7 @@ use crate::study::simulate::{Piece, View};
 
 /// Windows of the longest record.
 pub const WINDOWS: usize = 20;
-/// Parts of a window of the study, at least.
+/// Parts that a window of the study is cut into, as far as they hold enough samples.
 const PARTS_OF_WINDOW: usize = 3;
 /// Fewest samples of a window.
 const MIN_SAMPLES: usize = 40;
@@ -80,7 +80,7 @@ fn seen(study: &Study) -> Option<Vec<Option<Seen>>> {
 
 impl Windows {
     /// So many windows of the longest record with states as measured, and of a model where they are not; none where a
-    /// simulation cannot start anywhere, or already restarts in windows that are no longer.
+    /// simulation cannot start anywhere, or restarts at least as often in windows of the study.
     pub fn new(fits: &Fits, base: &Model, windows: usize) -> Option<Windows> {
         let study = fits.study;
         if study.sampled {

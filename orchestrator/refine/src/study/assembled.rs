@@ -75,8 +75,11 @@ pub(super) fn assemble(
     // Where validation records bear out the effects and refuse others that do the same on estimation records, these are
     // no rivals.
     let is_refused = |model: &Model| {
-        let after = stop::finish(|| all(model).1);
-        taken(&after[1], &on_validation(model)) < settings.forward_selection.min_validated_share
+        let validation = pieces(study, Role::Validation);
+        let after = stop::finish(|| {
+            errors(fits, &model.added, &validation, &fits.as_declared(model).parameters, None)
+        });
+        taken(&after, &on_validation(model)) < settings.forward_selection.min_validated_share
     };
     let (refused, equals): (Vec<_>, Vec<_>) =
         selection.equals.iter().cloned().partition(|(_, model)| chosen && is_refused(model));

@@ -32,8 +32,10 @@ pub struct Table {
     pub heading: String,
     /// Texts of the header.
     pub header: Vec<String>,
-    /// Rows of texts. Columns but the first are aligned as numbers, unless they hold sentences.
+    /// Rows of texts.
     pub rows: Vec<Vec<String>>,
+    /// Whether columns hold sentences, which are read from the left; else all but the first hold numbers.
+    pub sentences: bool,
 }
 
 /// The page as HTML.
@@ -57,10 +59,9 @@ pub fn html(page: &Page) -> String {
             let _ = writeln!(html, "<h2>{}</h2>", escape(&table.heading));
         }
         html.push_str("<table><thead>");
-        let prose: Vec<bool> = (0..table.header.len()).map(|column| is_prose(table, column)).collect();
-        row(&mut html, "th", &table.header, &prose);
+        row(&mut html, "th", &table.header, table.sentences);
         html.push_str("</thead><tbody>\n");
-        table.rows.iter().for_each(|cells| row(&mut html, "td", cells, &prose));
+        table.rows.iter().for_each(|cells| row(&mut html, "td", cells, table.sentences));
         html.push_str("</tbody></table>\n");
     }
     for figure in &page.figures {
@@ -69,20 +70,10 @@ pub fn html(page: &Page) -> String {
     html + "</main></body></html>\n"
 }
 
-/// Whether a column is read from the left: the first, and one with sentences.
-fn is_prose(table: &Table, column: usize) -> bool {
-    const WORDS_OF_A_SENTENCE: usize = 4;
-    let begins_as_number = |cell: &str| cell.starts_with(|c: char| c.is_ascii_digit() || "-+<".contains(c));
-    let is_sentence =
-        |cell: &str| !begins_as_number(cell) && cell.split_whitespace().count() >= WORDS_OF_A_SENTENCE;
-    column == 0 || table.rows.iter().filter_map(|row| row.get(column)).any(|cell| is_sentence(cell))
-}
-
-fn row(html: &mut String, tag: &str, cells: &[String], prose: &[bool]) {
+fn row(html: &mut String, tag: &str, cells: &[String], sentences: bool) {
     html.push_str("<tr>");
     for (index, cell) in cells.iter().enumerate() {
-        let left = prose.get(index).copied().unwrap_or(index == 0);
-        let class = if left { "" } else { " class=\"n\"" };
+        let class = if sentences || index == 0 { "" } else { " class=\"n\"" };
         let _ = write!(html, "<{tag}{class}>{}</{tag}>", escape(cell));
     }
     html.push_str("</tr>\n");

@@ -83,6 +83,7 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
             vec![(i + 1).to_string(), text(&alone), text(&held)]
         });
         Table {
+            sentences: false,
             heading: format!("Poincaré multipliers of the cycle of {} s", short(cycle.period)),
             header: ["number", "as planned", "with the regulator"].map(String::from).to_vec(),
             rows: rows.collect(),
@@ -106,6 +107,7 @@ pub fn draw(folder: &Path, summary: &Summary) -> Result<Vec<PathBuf>, Error> {
         tables: multipliers
             .into_iter()
             .chain([Table {
+                sentences: false,
                 heading: "Largest distance of the closed loop from the plan".into(),
                 header: ["signal", "distance", "unit"].map(String::from).to_vec(),
                 rows: rows.collect(),
@@ -179,6 +181,7 @@ pub fn draw_trials(
             ("Perturbations drawn again within the ranges of the FMUs".into(), summary.drawn_again.clone()),
         ],
         tables: vec![Table {
+            sentences: false,
             heading: "Trials that keep a criterion".into(),
             header: ["criterion", "closed loop", "open loop"].map(String::from).to_vec(),
             rows: rows.collect(),

@@ -204,6 +204,7 @@ fn quantities(numbers: &[&Values]) -> Table {
         [one.column.title(), all.count.to_string()].into_iter().chain(values).collect()
     };
     Table {
+        sentences: false,
         heading: "Quantities".into(),
         header: ["quantity", "values", "least", "median", "mean", "largest", "standard deviation"]
             .map(String::from)
@@ -225,6 +226,7 @@ fn sobol_indices(quantity: &Values, factors: &[Values]) -> Option<Table> {
         cells
     };
     Some(Table {
+        sentences: false,
         heading: format!("Sobol' indices of {}, from {points} points", quantity.column.name),
         header: header.map(String::from).to_vec(),
         rows: factors.iter().zip(&found).map(row).collect(),
@@ -246,6 +248,7 @@ fn crossed(factor: &Values, outcome: &Values) -> Table {
     let header =
         std::iter::once(factor.column.name.as_str()).chain(outcomes.iter().copied()).chain(["no value"]);
     Table {
+        sentences: false,
         heading: format!("{} by {}", outcome.column.name, factor.column.name),
         header: header.map(str::to_owned).collect(),
         rows: counts(&factor.texts).into_keys().map(row).collect(),
@@ -264,6 +267,7 @@ fn groups(group: &Values, numbers: &[&Values]) -> Table {
         [text.to_owned(), count.to_string()].into_iter().chain(numbers.iter().map(mean)).collect()
     };
     Table {
+        sentences: false,
         heading: format!("By {}", group.column.name),
         header: header.collect(),
         rows: counts(&group.texts).into_iter().map(row).collect(),

@@ -88,6 +88,7 @@ pub fn table(candidates: &[Candidate], outputs: &[String], shown: usize) -> Tabl
         first.into_iter().chain(fits).chain(criteria).collect()
     };
     Table {
+        sentences: false,
         heading: String::new(),
         header: header.chain(names).chain(criteria).collect(),
         // The one that is taken is shown, however far down it stands.

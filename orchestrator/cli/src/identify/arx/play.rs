@@ -145,6 +145,7 @@ fn coefficients_table(parameters: &Parameters) -> Table {
         vec![interval.name, format!("{:.8}", interval.value), deviation, number(low), number(high)]
     };
     Table {
+        sentences: false,
         heading: "Coefficients with 95 % intervals".into(),
         header: ["coefficient", "value", "standard deviation", "from", "to"].map(str::to_owned).into(),
         rows: parameters.intervals().into_iter().map(row).collect(),

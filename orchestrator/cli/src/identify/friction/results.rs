@@ -146,7 +146,7 @@ fn parameter_table(report: &Report) -> Table {
             vec![(*name).to_owned(), short(parameter.value), interval, unit, origin.to_owned()]
         })
         .collect();
-    Table { heading: String::new(), header, rows }
+    Table { sentences: false, heading: String::new(), header, rows }
 }
 
 fn fit_table(report: &Report) -> Table {
@@ -164,7 +164,7 @@ fn fit_table(report: &Report) -> Table {
     };
     let mut all = rows("estimation", &report.estimation);
     all.extend(report.validation.iter().flat_map(|quality| rows("validation", quality)));
-    Table { heading: String::new(), header, rows: all }
+    Table { sentences: false, heading: String::new(), header, rows: all }
 }
 
 fn alternative_table(report: &Report) -> Table {
@@ -179,7 +179,7 @@ fn alternative_table(report: &Report) -> Table {
             vec![name, short(tried.estimation_rms), short(tried.validation_rms), offered.to_owned()]
         })
         .collect();
-    Table { heading: String::new(), header, rows }
+    Table { sentences: false, heading: String::new(), header, rows }
 }
 
 /// The parameters as TOML.
