@@ -20,10 +20,10 @@ def rows_of(path):
     return head, rows
 
 
-def changed(source, target, column, change):
-    """A copy of a folder in whose records a column is `change(value)`."""
+def changed(source, target, column, change, only="*.csv"):
+    """A copy of a folder in whose records, or in one, a column is `change(value)`."""
     shutil.copytree(source, target)
-    for path in target.glob("*.csv"):
+    for path in target.glob(only):
         head, rows = rows_of(path)
         at = head.index(column)
         for row in rows:
@@ -63,6 +63,11 @@ def test_a_command_of_the_other_sign_is_told_with_what_to_write(tmp_path):
 def test_a_column_of_a_case_with_the_other_sign_is_told(tmp_path, column):
     folder = changed(RIG, tmp_path / "case", column, lambda value: -value)
     refused(folder, tmp_path, f"column `{column}` has the other sign", "-1")
+
+
+def test_one_record_of_a_case_with_the_other_sign_is_told(tmp_path):
+    folder = changed(RIG, tmp_path / "case", "x", lambda value: -value, only="trial_02.csv")
+    refused(folder, tmp_path, "column `x` has the other sign in trial_02.csv than in the other records", "-1")
 
 
 def test_a_saturated_sensor_of_a_case_is_told(tmp_path):

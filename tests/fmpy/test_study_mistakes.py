@@ -4,6 +4,7 @@ command and a sensor share; and effects that what is left does not tell apart.""
 import json
 
 import numpy as np
+import pytest
 
 from command import start
 
@@ -37,9 +38,10 @@ def record(path, seed, up=TAU, down=TAU, delay=0, still=False, first=None, leak=
     np.savetxt(path, rows, delimiter=",", header="time,command,pressure", comments="", fmt="%.8g")
 
 
-def study(folder, signals=SIGNALS, mass=TAU / GAIN, initial='initial = "fit"\n', count=5, **plant):
+def study(folder, signals=SIGNALS, mass=TAU / GAIN, b=1 / GAIN, initial='initial = "fit"\n', count=5, **plant):
     """The lag by the mass of `airloop:rigid-mass`: m dv/dt = F - b v, with v for the pressure."""
-    text = f'system = "airloop:rigid-mass"\n[parameters]\nm = {mass}\nb = {1 / GAIN}\n' + signals.replace("UNIT", "m/s")
+    damping = "" if b is None else f"b = {b}\n"
+    text = f'system = "airloop:rigid-mass"\n[parameters]\nm = {mass}\n{damping}' + signals.replace("UNIT", "m/s")
     for k in range(count):
         record(folder / f"r{k}.csv", 40 + k, **plant)
         role = "estimation" if k < count - 1 else "validation"
@@ -121,3 +123,35 @@ def test_a_late_command_and_a_late_sensor_of_a_linear_system_are_not_told_apart(
     assert abs(delay["value"] - 7.4 * STEP) < 0.05 * 7.4 * STEP
     (rival,) = {"delay@F", "sensor.delay"} - {chosen}
     assert own[rival]["group"] == own[chosen]["group"] is not None, result.stdout
+
+
+def times(path, column, factor):
+    """Multiplies a column of a record."""
+    head = path.read_text().splitlines()[0]
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows[:, head.split(",").index(column)] *= factor
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.8g")
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "factor", "cause"),
+    [
+        ("r2.csv", "pressure", -1, "`pressure` has the other sign"),
+        ("r4.csv", "command", -1, "`command` has the other sign"),
+        ("r0.csv", "command", 1e-3, "`command` is 1000 times too small"),
+        ("r3.csv", "pressure", 1e3, "times larger in r3.csv"),
+        ("r1.csv", "pressure", 1 / 60, "times smaller in r1.csv"),
+    ],
+)
+def test_one_record_in_another_unit_or_of_another_sign_is_told(tmp_path, file, column, factor, cause):
+    """Also where the declared model lacks a delay, which leaves 40 % of every record."""
+    path = study(tmp_path, delay=10)
+    times(tmp_path / file, column, factor)
+    refused(path, f"`{column}`", file, cause)
+
+
+def test_free_parameters_that_one_record_spoils_tell_of_that_record(tmp_path):
+    free = '[[free]]\nparameter = "b"\nstart = 1.0\nmin = 0.0\n'
+    path = study(tmp_path, SIGNALS + free, b=None)
+    times(tmp_path / "r1.csv", "pressure", -1)
+    refused(path, "r1.csv", "`pressure` has the other sign")

@@ -105,3 +105,25 @@ def test_declared_values_that_are_off_are_no_gain_of_the_command(tmp_path):
     result = refine(study, tmp_path / "out")
     assert result.returncode == 10, result.stdout + result.stderr
     assert json.loads((tmp_path / "out" / "report.json").read_text())["corrections"]
+
+
+@pytest.mark.parametrize(
+    ("records", "columns", "factor", "cause"),
+    [
+        ([0], [2], -1, "r0.csv 0-20 s does not go with the other records: column `x` has the other sign"),
+        ([2], [1], -1, "r2.csv 0-20 s does not go with the other records: column `u` has the other sign"),
+        ([0, 1, 2], [2, 3], 1e3, "columns `v` and `x` are 1000 times too large"),
+        ([0, 1, 2], [2], 1e3, "column `x` is 1000 times too large"),
+    ],
+)
+def test_another_sign_or_unit_is_told_though_windows_start_from_what_is_measured(tmp_path, records, columns, factor, cause):
+    study = write(tmp_path / "study", 1.5)
+    for k in records:
+        path = study / f"r{k}.csv"
+        head = path.read_text().splitlines()[0]
+        rows = np.loadtxt(path, delimiter=",", skiprows=1)
+        rows[:, columns] *= factor
+        np.savetxt(path, rows, fmt="%.7g", delimiter=",", header=head, comments="")
+    result = refine(study, tmp_path / "out")
+    assert result.returncode == 1 and cause in result.stderr, result.stdout + result.stderr
+    assert not (tmp_path / "out").exists()

@@ -2,7 +2,9 @@
 //! estimation.
 
 use crate::answer::WARNING;
+use crate::engine::settings::MIN_FACTOR_OF_OTHER_UNIT;
 use crate::study::declaration::Role;
+use crate::study::signal::scatter;
 
 /// Spread of a signal in multiples of its noise below which it shows no motion.
 const MIN_SPREAD_OVER_NOISE: f64 = 1.5;
@@ -55,6 +57,7 @@ impl<'a> Signal<'a> {
 /// Records that show no motion, or validation records so much larger that nothing can be said of them: record, signal,
 /// sizes, remedy.
 pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
+    signals.iter().try_for_each(check_unit)?;
     let mut warnings = Vec::new();
     for role in [Role::Estimation, Role::Validation] {
         let measured: Vec<&Signal> = signals.iter().filter(|own| !own.driven).collect();
@@ -120,6 +123,38 @@ pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
         }
     }
     Ok(warnings)
+}
+
+/// Refuses a signal that is in another unit on one record: motion and noise of its sensor differ from those of all
+/// other records by a factor that no motion has.
+fn check_unit(signal: &Signal) -> Result<(), String> {
+    let records: Vec<&Values> = signal.estimation.iter().chain(&signal.validation).collect();
+    let size = |own: &&Values| [deviation(own.values), scatter(own.values)];
+    let sizes: Vec<[f64; 2]> = records.iter().map(size).collect();
+    for (k, own) in records.iter().enumerate() {
+        let others = [&sizes[..k], &sizes[k + 1..]].concat();
+        let all_far = |ratio: &dyn Fn(f64, f64) -> f64| {
+            let factor =
+                |of: usize| others.iter().map(|other| ratio(sizes[k][of], other[of])).reduce(f64::min);
+            let [spread, noise] = [factor(0)?, factor(1)?];
+            let far = |factor: f64| factor.is_finite() && factor >= MIN_FACTOR_OF_OTHER_UNIT;
+            (far(spread) && far(noise)).then_some(spread)
+        };
+        let larger = all_far(&|own, other| own / other).map(|factor| (factor, "larger"));
+        if let Some((factor, word)) =
+            larger.or_else(|| Some((all_far(&|own, other| other / own)?, "smaller")))
+        {
+            let than = match &records[..] {
+                [one, other] => format!("in {}", if k == 0 { other.name } else { one.name }),
+                _ => "in any other record".to_owned(),
+            };
+            return Err(format!(
+                "`{}` is {factor:.0} times {word} in {} than {than}, and the noise of its sensor is, too: another unit? The header of that file says it behind the name, as in `p [bar]`; else leave the record out",
+                signal.name, own.name
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Standard deviation about the mean.
@@ -206,6 +241,19 @@ mod tests {
         assert!(found.len() == 1 && found[0].contains("periods per second"), "{found:?}");
         let problem = checked(&wave(1.0, 1.0), &wave(30.0, 1.0)).unwrap_err();
         assert!(problem.contains("30 times larger") && problem.contains("Exchange"), "{problem}");
+    }
+
+    #[test]
+    fn a_record_in_another_unit_is_told_by_its_noise() {
+        let usual = [wave(1.0, 0.4), wave(0.8, 0.6)];
+        let milli: Vec<f64> = wave(1.0, 0.5).iter().map(|value| 1e3 * value).collect();
+        let problem = checked_beside(&[&usual[0], &usual[1], &milli], &usual[0]).unwrap_err();
+        assert!(problem.contains("times larger"), "{problem}");
+        let kilo: Vec<f64> = wave(1.0, 0.5).iter().map(|value| 1e-3 * value).collect();
+        let problem = checked_beside(&[&usual[0], &kilo, &usual[1]], &usual[0]).unwrap_err();
+        assert!(problem.contains("times smaller"), "{problem}");
+        // A machine at rest has the noise of its sensor.
+        assert!(checked_beside(&[&usual[0], &wave(0.0, 1.0)], &usual[1]).is_ok());
     }
 
     #[test]

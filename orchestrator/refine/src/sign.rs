@@ -2,8 +2,9 @@
 
 use crate::Error;
 use crate::answer::errors;
-use crate::case::{Case, Role};
+use crate::case::{Case, File, Role};
 use crate::engine::settings::MAX_RATIO_OF_OTHER_SIGN;
+use crate::order::ascending;
 use crate::rig::open::open;
 use crate::rig::parameters::neutral;
 
@@ -13,6 +14,16 @@ pub const MIN_ERROR: f64 = 0.3;
 const MAX_RATIO_OF_A_BAD_MODEL: f64 = 0.75;
 /// Error over the spread up to which the other sign predicts better than the mean.
 const MAX_ERROR_OF_OTHER_SIGN: f64 = 0.95;
+/// Error of the other records above which the declared model cannot judge one of them.
+pub const MAX_ERROR_OF_OTHERS: f64 = 0.5;
+/// Error of a record, and ratio to that of the others, above which it does not go with them.
+const MIN_ERROR_OF_ODD: f64 = 0.1;
+const MIN_RATIO_OF_ODD: f64 = 2.0;
+/// Error of a mended record, and ratio to that of the others, up to which it goes with them.
+const MAX_ERROR_OF_MENDED: f64 = 0.3;
+const MAX_RATIO_TO_OTHERS: f64 = 2.0;
+/// Error above which it is told in times.
+const MIN_ERROR_IN_TIMES: f64 = 10.0;
 /// Records that are compared.
 pub const RECORDS: usize = 3;
 
@@ -30,50 +41,103 @@ pub fn is_wrong(stated: f64, other: f64) -> bool {
     stated > MIN_ERROR && other < most * stated
 }
 
+/// Whether the declared model follows other records and not this one; errors over the spread of each record.
+pub fn is_odd(own: f64, others: f64) -> bool {
+    let follows = own <= MIN_ERROR_OF_ODD.max(MIN_RATIO_OF_ODD * others);
+    others <= MAX_ERROR_OF_OTHERS && !follows
+}
+
+/// Whether a record with a column mended goes with the others.
+pub fn goes_with(mended: f64, others: f64) -> bool {
+    mended <= MAX_ERROR_OF_MENDED.max(MAX_RATIO_TO_OTHERS * others)
+}
+
+/// The middle one of some errors; no number counts as largest.
+pub fn median(errors: &[f64]) -> f64 {
+    let mut errors = errors.to_vec();
+    ascending(&mut errors, |own| *own);
+    errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// An error over the spread, in times where percent are no measure any more.
+pub fn of_spread(error: f64) -> String {
+    if error > MIN_ERROR_IN_TIMES {
+        format!("{error:.0} times")
+    } else {
+        format!("{:.0} % of", 100.0 * error)
+    }
+}
+
 /// Text of both errors, for the message.
-pub fn words(stated: f64, other: f64) -> String {
+pub fn compared(stated: f64, other: f64) -> String {
     let stated = if stated.is_finite() {
-        format!("leaves an error of {:.0} % of the spread of the records", 100.0 * stated)
+        format!("leaves an error of {} the spread of the records", of_spread(stated))
     } else {
         "cannot be simulated over the records".to_owned()
     };
-    format!("the declared model {stated}, with the other sign {:.0} %", 100.0 * other)
+    format!("{stated}, with the other sign {:.0} %", 100.0 * other)
 }
 
-/// Refuses a case one of whose columns has the other sign.
+/// Refuses a case one of whose columns has the other sign, in all records or in one.
 ///
 /// # Errors
 /// Column, errors with both signs, remedy.
 pub fn check(case: &Case) -> Result<(), Error> {
-    let fitted = case.declaration.files.iter().zip(&case.records);
-    let fitted: Vec<_> = fitted.filter(|(file, _)| file.role == Role::Estimation).take(RECORDS).collect();
-    let error = |column: Option<&str>| -> Option<f64> {
-        let mut own = case.clone();
-        own.declaration.files = fitted.iter().map(|(file, _)| (*file).clone()).collect();
-        own.records = fitted
-            .iter()
-            .map(|(_, series)| column.map_or((*series).clone(), |name| series.negated(name)))
-            .collect();
-        let rig = open(&own).ok()?;
-        let records: Vec<usize> = (0..rig.system.records()).collect();
-        let found = errors(rig.system.as_ref(), &records, &neutral()).nrmse;
-        let square = found.values().map(|error| error * error).sum::<f64>() / found.len().max(1) as f64;
-        Some(square.sqrt()).filter(|error| error.is_finite())
-    };
-    let stated = error(None).unwrap_or(f64::NAN);
+    let declaration = &case.declaration;
+    let columns = || declaration.sensors.keys().map(String::as_str);
+    let refused =
+        |problem: String| Err(Error::Case { path: format!("{}/case.toml", declaration.id).into(), problem });
+    let each = 0..declaration.files.len();
+    let left: Vec<f64> = each.clone().map(|k| error(case, &[k], None)).collect();
+    for k in each.clone() {
+        let others = median(&[&left[..k], &left[k + 1..]].concat());
+        if !is_odd(left[k], others) {
+            continue;
+        }
+        let other = columns().map(|name| (name, error(case, &[k], Some(name))));
+        let mended = other.filter(|own| is_wrong(left[k], own.1) && goes_with(own.1, others));
+        let mut mended: Vec<(&str, f64)> = mended.collect();
+        ascending(&mut mended, |own| own.1);
+        if let Some(&(name, other)) = mended.first() {
+            return refused(format!(
+                "column `{name}` has the other sign in {} than in the other records: the declared model {}, and leaves {:.0} % on the others; multiply the column by -1 in that file, or leave its [[files]] out",
+                declaration.files[k].name,
+                compared(left[k], other),
+                100.0 * others,
+            ));
+        }
+    }
+    let fitted = each.filter(|&k| declaration.files[k].role == Role::Estimation);
+    let fitted: Vec<usize> = fitted.take(RECORDS).collect();
+    let stated = error(case, &fitted, None);
     if stated <= MIN_ERROR {
         return Ok(());
     }
-    let flipped = case.declaration.sensors.keys().filter_map(|name| Some((name, error(Some(name))?)));
+    let flipped = columns().map(|name| (name, error(case, &fitted, Some(name))));
     let best = flipped.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, other)| is_wrong(stated, *other));
     let Some((name, other)) = best else { return Ok(()) };
-    Err(Error::Case {
-        path: format!("{}/case.toml", case.declaration.id).into(),
-        problem: format!(
-            "column `{name}` has the other sign than in the declared model: {}; multiply the column by -1 in all files, or correct the declared model",
-            words(stated, other)
-        ),
-    })
+    refused(format!(
+        "column `{name}` has the other sign than in the declared model: the declared model {}; multiply the column by -1 in all files, or correct the declared model",
+        compared(stated, other)
+    ))
+}
+
+/// Error of the declared model over the spread of some records, with one column negated; no number where it cannot be
+/// simulated.
+fn error(case: &Case, records: &[usize], negated: Option<&str>) -> f64 {
+    let mut own = case.clone();
+    let file = |&k: &usize| File { role: Role::Estimation, ..case.declaration.files[k].clone() };
+    own.declaration.files = records.iter().map(file).collect();
+    let record = |&k: &usize| {
+        let record = &case.records[k];
+        negated.map_or_else(|| record.clone(), |name| record.negated(name))
+    };
+    own.records = records.iter().map(record).collect();
+    let Ok(rig) = open(&own) else { return f64::NAN };
+    let records: Vec<usize> = (0..rig.system.records()).collect();
+    let found = errors(rig.system.as_ref(), &records, &neutral()).nrmse;
+    let square = found.values().map(|error| error * error).sum::<f64>() / found.len().max(1) as f64;
+    square.sqrt()
 }
 
 #[cfg(test)]

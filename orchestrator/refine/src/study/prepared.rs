@@ -7,6 +7,7 @@ use super::horizon;
 use super::integration;
 use super::model::Study;
 use super::observability;
+use super::odd_record;
 use super::open::open;
 use super::scale;
 use super::search::Say;
@@ -49,6 +50,8 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     let fitted = declared(file, &study);
     let fitted = fitted.map(|declared| (played(&study, &declared), declared));
     if let Ok((played, declared)) = &fitted {
+        odd_record::check(file, &mut study, declared)?;
+        scale::check_windows(file, &mut study)?;
         horizon::check(file, &study, declared, played)?;
     }
     let suspicion = sign::check(file, &mut study)?;

@@ -6,14 +6,11 @@ use toml::Spanned;
 use super::declaration::{File, Signal};
 use super::fits::Fits;
 use super::model::Study;
-use super::read::Record;
+use super::rescaled::{Place, by_column, multiply};
 use crate::Error;
 use crate::answer::{Answer, Verdict};
 use crate::order::ascending;
-use crate::sign::{MIN_ERROR, RECORDS, is_wrong, words};
-
-/// A signal: its list (inputs, states, further signals, outputs) and its place there.
-type Place = (usize, usize);
+use crate::sign::{MIN_ERROR, RECORDS, compared, is_wrong};
 
 /// Error with the other sign, over the spread of the records, up to which the sign is wrong whatever the model lacks.
 /// Above, an effect that is missing may turn the phase of a signal as a wrong sign does: a stiff spring at a free mass.
@@ -55,10 +52,10 @@ pub fn check(file: &File, study: &mut Study) -> Result<Option<Suspicion>, Error>
         return Ok(None);
     }
     let mut found: Vec<(f64, Vec<Place>)> = Vec::new();
-    for places in flips(study) {
-        negate(&mut study.records, &places);
+    for places in by_column(study) {
+        multiply(&mut study.records, &places, -1.0);
         let other = error(study);
-        negate(&mut study.records, &places);
+        multiply(&mut study.records, &places, -1.0);
         if is_wrong(stated, other) {
             found.push((other, places));
         }
@@ -83,44 +80,6 @@ fn error(study: &Study) -> f64 {
     let mut fits = Fits::new(study, study.spreads());
     fits.pieces.truncate(RECORDS);
     fits.declared().error
-}
-
-/// Signals whose sign is changed together: all of a column, or one alone where there are several.
-fn flips(study: &Study) -> Vec<Vec<Place>> {
-    let mut columns: Vec<(&String, Vec<Place>)> = Vec::new();
-    for (list, signals) in study.sensors.signals.iter().enumerate() {
-        for (index, signal) in signals.iter().enumerate() {
-            let Some(column) = signal.as_ref().and_then(|signal| signal.source()) else { continue };
-            match columns.iter_mut().find(|(own, _)| *own == column) {
-                Some((_, places)) => places.push((list, index)),
-                None => columns.push((column, vec![(list, index)])),
-            }
-        }
-    }
-    let alone = |places: &[Place]| if places.len() > 1 { places.to_vec() } else { Vec::new() };
-    let one = |places: Vec<Place>| {
-        let single = alone(&places).into_iter().map(|place| vec![place]);
-        single.chain([places]).collect::<Vec<_>>()
-    };
-    columns.into_iter().flat_map(|(_, places)| one(places)).collect()
-}
-
-/// Changes the sign of signals.
-fn negate(records: &mut [Record], places: &[Place]) {
-    let turn = |values: &mut Vec<f64>| values.iter_mut().for_each(|value| *value = -*value);
-    for record in records {
-        for &(list, index) in places {
-            match list {
-                0 => {
-                    record.inputs[index].iter_mut().for_each(turn);
-                    record.past[index].iter_mut().for_each(turn);
-                }
-                1 => record.states[index].iter_mut().for_each(turn),
-                2 => turn(&mut record.extra[index]),
-                _ => turn(&mut record.outputs[index]),
-            }
-        }
-    }
 }
 
 /// The error that tells key and place in the file of the other sign; `rivals`: what may be of it, best first.
@@ -149,9 +108,9 @@ fn refusal(file: &File, study: &Study, rivals: &[&[Place]], (stated, other): (f6
     }
     let columns: Vec<String> = columns.iter().map(|column| format!("`{column}`")).collect();
     let problem = format!(
-        "column {} has the other sign than in the declared model: {}; write {} (a command that acts in the other direction, a sensor that counts in the other), or correct the model",
+        "column {} has the other sign than in the declared model: the declared model {}; write {} (a command that acts in the other direction, a sensor that counts in the other), or correct the model",
         columns.join(" or "),
-        words(stated, other),
+        compared(stated, other),
         remedies.join(", or ")
     );
     match at.filter(|_| columns.len() == 1) {
