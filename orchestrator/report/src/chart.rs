@@ -264,14 +264,20 @@ fn tenth(value: i64) -> String {
 /// A row of a bar chart: label, value before and after.
 pub type Row = (String, f64, f64);
 
+/// Share of the reference of a bar chart up to which a value has no bar.
+const MIN_SHARE_OF_REFERENCE: f64 = 0.03;
+
 /// Two horizontal bars per row on a logarithmic axis, with a mark at `reference`.
 pub fn bars(title: &str, rows: &[Row], (reference, name): (f64, &str), label: &str) -> String {
     let (width, left, right, top) = (920.0, 250.0, 74.0, 40.0);
     let height = top + 44.0 * rows.len() as f64 + 46.0;
-    let positive = |value: f64| if value.is_finite() { value.max(0.3 * reference) } else { reference };
+    // Nothing and next to nothing have no bar.
+    let least = MIN_SHARE_OF_REFERENCE * reference;
+    let positive = |value: f64| if value.is_finite() { value.max(least) } else { reference };
     let values = rows.iter().flat_map(|row| [row.1, row.2]).map(positive).chain([reference]);
     let (low, high) = range(values.map(f64::log10));
-    let x = Axis::new((low - 0.15, high.max(low + 0.7) + 0.1), (left, width - right));
+    let begin = (low - 0.15).max(least.log10());
+    let x = Axis::new((begin, high.max(low + 0.7) + 0.1), (left, width - right));
     let mut out = format!(
         "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{0}\">\n<text class=\"t\" x=\"14\" y=\"18\">{0}</text>\n",
         escape(title)

@@ -35,6 +35,13 @@ pub(super) fn fill(study: &mut Study) {
         open.iter().map(|&output| format!("sensor({})", study.outputs[output].name)).collect()
     };
     study.not_testable.extend(names.into_iter().map(|name| (name, NOT_TOLD.to_owned())));
+    if study.windows.is_some() && !open.is_empty() {
+        let columns: Vec<String> = open.iter().map(|&o| format!("`{}`", study.outputs[o].name)).collect();
+        study.notes.push(format!(
+            "Windows start from {}: a wrong gain, offset or delay of such a sensor is not looked for, and an effect may stand for it. It would show without windows, or where the states have columns of their own.",
+            columns.join(", ")
+        ));
+    }
     let step = study.records.first().map_or(1e-3, |record| record.step);
     let all = (f64::NEG_INFINITY, f64::INFINITY);
     for output in (0..study.outputs.len()).filter(|output| !open.contains(output)) {
