@@ -141,13 +141,14 @@ def times(path, column, factor):
         ("r0.csv", "command", 1e-3, "`command` is 1000 times too small"),
         ("r3.csv", "pressure", 1e3, "times larger in r3.csv"),
         ("r1.csv", "pressure", 1 / 60, "times smaller in r1.csv"),
+        ("r4.csv", "time", 1e3, "those of the other records 0.005 s"),
     ],
 )
 def test_one_record_in_another_unit_or_of_another_sign_is_told(tmp_path, file, column, factor, cause):
     """Also where the declared model lacks a delay, which leaves 40 % of every record."""
     path = study(tmp_path, delay=10)
     times(tmp_path / file, column, factor)
-    refused(path, f"`{column}`", file, cause)
+    refused(path, f"`{column}`" if column != "time" else "`time [ms]`", file, cause)
 
 
 def test_free_parameters_that_one_record_spoils_tell_of_that_record(tmp_path):

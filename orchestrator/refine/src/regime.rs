@@ -58,6 +58,7 @@ impl<'a> Signal<'a> {
 /// sizes, remedy.
 pub fn check(signals: &[Signal]) -> Result<Vec<String>, String> {
     signals.iter().try_for_each(check_unit)?;
+    signals.iter().try_for_each(check_time)?;
     let mut warnings = Vec::new();
     for role in [Role::Estimation, Role::Validation] {
         let measured: Vec<&Signal> = signals.iter().filter(|own| !own.driven).collect();
@@ -157,6 +158,37 @@ fn check_unit(signal: &Signal) -> Result<(), String> {
     Ok(())
 }
 
+/// Refuses a record whose time is in another unit: its samples are much farther apart than those of all other records,
+/// or much closer together, and hold as many periods of the signal.
+fn check_time(signal: &Signal) -> Result<(), String> {
+    let records: Vec<&Values> = signal.estimation.iter().chain(&signal.validation).collect();
+    let per_sample = |own: &&Values| frequency(std::slice::from_ref(*own)).map(|found| found * own.step);
+    for (k, own) in records.iter().enumerate() {
+        let others = [&records[..k], &records[k + 1..]].concat();
+        let factor = |other: &&Values| (own.step / other.step).max(other.step / own.step);
+        let is_far = others.iter().all(|other| factor(other) >= MIN_FACTOR_OF_OTHER_UNIT);
+        let Some((here, there)) = per_sample(own).zip(others.iter().find_map(per_sample)).filter(|_| is_far)
+        else {
+            continue;
+        };
+        if (here / there).max(there / here) <= MIN_RATIO_OF_ANOTHER_REGIME {
+            return Err(format!(
+                "samples of {} are {} s apart, those of the other records {} s, and `{}` has about as many periods per sample: is its time in another unit? The header says it behind the name, as in `time [ms]`",
+                own.name,
+                short(own.step),
+                short(others[0].step),
+                signal.name
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A step \[s\] without needless digits.
+fn short(step: f64) -> String {
+    format!("{step:.6}").trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// Standard deviation about the mean.
 pub fn deviation(values: &[f64]) -> f64 {
     (squares(values) / values.len().max(1) as f64).sqrt()
@@ -254,6 +286,22 @@ mod tests {
         assert!(problem.contains("times smaller"), "{problem}");
         // A machine at rest has the noise of its sensor.
         assert!(checked_beside(&[&usual[0], &wave(0.0, 1.0)], &usual[1]).is_ok());
+    }
+
+    #[test]
+    fn a_record_in_milliseconds_is_told_by_its_periods_per_sample() {
+        let wave = wave(1.0, 0.6);
+        let record = |name, step| Values { name, step, values: &wave };
+        let signal = |step| Signal {
+            name: "x",
+            driven: false,
+            noise: 0.01,
+            estimation: vec![record("a.csv", 0.005), record("b.csv", 0.01)],
+            validation: vec![record("c.csv", step)],
+        };
+        let problem = check(&[signal(5.0)]).unwrap_err();
+        assert!(problem.contains("c.csv") && problem.contains("time [ms]"), "{problem}");
+        assert!(check(&[signal(0.02)]).is_ok());
     }
 
     #[test]
