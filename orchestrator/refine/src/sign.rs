@@ -2,10 +2,10 @@
 
 use crate::Error;
 use crate::answer::errors;
-use crate::case::{Case, File, Role};
+use crate::case::{Case, Declaration, File, Role};
 use crate::engine::settings::MAX_RATIO_OF_OTHER_SIGN;
 use crate::order::ascending;
-use crate::rig::open::open;
+use crate::rig::open::{Rig, open};
 use crate::rig::parameters::neutral;
 
 /// Error over the spread of the measured signals from which on signs are in question.
@@ -88,13 +88,14 @@ pub fn check(case: &Case) -> Result<(), Error> {
     let refused =
         |problem: String| Err(Error::Case { path: format!("{}/case.toml", declaration.id).into(), problem });
     let each = 0..declaration.files.len();
-    let left: Vec<f64> = each.clone().map(|k| error(case, &[k], None)).collect();
+    let Ok(rig) = open(case) else { return Ok(()) };
+    let left: Vec<f64> = each.clone().map(|k| error(&rig, &[k])).collect();
     for k in each.clone() {
         let others = median(&[&left[..k], &left[k + 1..]].concat());
         if !is_odd(left[k], others) {
             continue;
         }
-        let other = columns().map(|name| (name, error(case, &[k], Some(name))));
+        let other = columns().map(|name| (name, negated(case, &[k], name)));
         let mended = other.filter(|own| is_wrong(left[k], own.1) && goes_with(own.1, others));
         let mut mended: Vec<(&str, f64)> = mended.collect();
         ascending(&mut mended, |own| own.1);
@@ -109,11 +110,11 @@ pub fn check(case: &Case) -> Result<(), Error> {
     }
     let fitted = each.filter(|&k| declaration.files[k].role == Role::Estimation);
     let fitted: Vec<usize> = fitted.take(RECORDS).collect();
-    let stated = error(case, &fitted, None);
+    let stated = error(&rig, &fitted);
     if stated <= MIN_ERROR {
         return Ok(());
     }
-    let flipped = columns().map(|name| (name, error(case, &fitted, Some(name))));
+    let flipped = columns().map(|name| (name, negated(case, &fitted, name)));
     let best = flipped.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, other)| is_wrong(stated, *other));
     let Some((name, other)) = best else { return Ok(()) };
     refused(format!(
@@ -122,22 +123,24 @@ pub fn check(case: &Case) -> Result<(), Error> {
     ))
 }
 
-/// Error of the declared model over the spread of some records, with one column negated; no number where it cannot be
-/// simulated.
-fn error(case: &Case, records: &[usize], negated: Option<&str>) -> f64 {
-    let mut own = case.clone();
-    let file = |&k: &usize| File { role: Role::Estimation, ..case.declaration.files[k].clone() };
-    own.declaration.files = records.iter().map(file).collect();
-    let record = |&k: &usize| {
-        let record = &case.records[k];
-        negated.map_or_else(|| record.clone(), |name| record.negated(name))
-    };
-    own.records = records.iter().map(record).collect();
-    let Ok(rig) = open(&own) else { return f64::NAN };
-    let records: Vec<usize> = (0..rig.system.records()).collect();
-    let found = errors(rig.system.as_ref(), &records, &neutral()).nrmse;
+/// Error of the declared model over the spread of some records; no number where it diverges.
+fn error(rig: &Rig, records: &[usize]) -> f64 {
+    let found = errors(rig.system.as_ref(), records, &neutral()).nrmse;
     let square = found.values().map(|error| error * error).sum::<f64>() / found.len().max(1) as f64;
     square.sqrt()
+}
+
+/// The same with a column negated; no number where the records do not fit the declared model then.
+fn negated(case: &Case, records: &[usize], column: &str) -> f64 {
+    let file = |&k: &usize| File { role: Role::Estimation, ..case.declaration.files[k].clone() };
+    let files = records.iter().map(file).collect();
+    let own = Case {
+        declaration: Declaration { files, ..case.declaration.clone() },
+        records: records.iter().map(|&k| case.records[k].negated(column)).collect(),
+        notes: Vec::new(),
+    };
+    let all: Vec<usize> = (0..records.len()).collect();
+    open(&own).map_or(f64::NAN, |rig| error(&rig, &all))
 }
 
 #[cfg(test)]

@@ -2,13 +2,13 @@
 //! effects may act.
 //!
 //! [`declaration`] is the file, [`dataset`] reads folders of measured data that come without one, [`read`] makes
-//! records, [`plant`] evaluates the FMUs, [`ports`] finds where something may be missing, [`plan`] lists that,
-//! [`simulate`] integrates them, `linear` along with their derivatives, [`remembered`] keeps what was simulated,
-//! `predicted` gives both to the engine, [`fits`] fits, [`catalog`] lists the candidates, [`exact`] asks the engine for
-//! the fewest of them that leave nothing but noise. Where there are none, [`search`] chooses by the error on held-out
-//! records. [`physical`] refuses models without physical sense, [`noise`] carries the noise of the sensors to the
-//! error, [`smoothed`] has the errors of filtered derivatives, [`explain`] finds the variables that the residual
-//! depends on.
+//! records, `odd_record` finds one that does not go with the others, [`plant`] evaluates the FMUs, [`ports`] finds
+//! where something may be missing, [`plan`] lists that, [`simulate`] integrates them, `linear` along with their
+//! derivatives, [`remembered`] keeps what was simulated, `predicted` gives both to the engine, [`fits`] fits,
+//! [`catalog`] lists the candidates, [`exact`] asks the engine for the fewest of them that leave nothing but noise.
+//! Where there are none, [`search`] chooses by the error on held-out records. [`physical`] refuses models without
+//! physical sense, [`noise`] carries the noise of the sensors to the error, [`smoothed`] has the errors of filtered
+//! derivatives, [`explain`] finds the variables that the residual depends on.
 //!
 //! Where that search ends above the noise, [`by_share`] asks the engine's forward selection for the effects that matter
 //! in addition to corrections of declared parameters ([`tolerance`]); [`whole`] is the study as one system of the

@@ -5,7 +5,7 @@ use super::declaration::{File, Role};
 use super::errors::errors;
 use super::fits::Fits;
 use super::model::Study;
-use super::rescaled::{Place, cause, columns, factors, groups, multiply};
+use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, causes, factors, groups, multiply};
 use super::simulate::Piece;
 use crate::Error;
 use crate::engine::fit::Fit;
@@ -13,10 +13,6 @@ use crate::order::ascending;
 use crate::regime::deviation;
 use crate::sign::{MAX_ERROR_OF_OTHERS, goes_with, is_odd, median, of_spread};
 
-/// Ratio of the errors of a record with another unit and as it is up to which the unit is wrong.
-const MAX_RATIO_OF_MENDED: f64 = 0.3;
-/// Ratio of errors up to which two columns may equally be the one.
-const MAX_RATIO_OF_EQUALS: f64 = 1.05;
 /// Records up to which the declared model is fitted without each of them where it follows none.
 const MAX_RECORDS_LEFT_OUT: usize = 12;
 /// Spread of an output in multiples of its noise below which a record says nothing of it.
@@ -38,7 +34,9 @@ pub fn check(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error
     let is_pulled = is_quick && (0..study.outputs.len()).any(is_far);
     for (k, &r) in records.iter().enumerate() {
         // Parameters that were fitted to the odd record, too, fit none.
-        let rest = if is_pulled { Fitted::without(study, &records, r) } else { all.clone() };
+        let is_fitted = study.records[r].role == Role::Estimation;
+        let without = (is_pulled && is_fitted).then(|| Fitted::without(study, &records, r));
+        let rest = without.as_ref().unwrap_or(&all);
         let others: Vec<Option<f64>> = (0..study.outputs.len()).map(|o| rest.others(o, Some(k))).collect();
         let odd = rest.left[k].iter().zip(&others).enumerate();
         let odd = odd.filter_map(|(o, (left, others))| Some((o, (*left)?, (*others)?)));
@@ -96,7 +94,6 @@ fn mended(
 }
 
 /// The declared model with parameters fitted to some records, and its errors on all.
-#[derive(Clone)]
 struct Fitted {
     parameters: Vec<f64>,
     /// Over the spread of each output of each record; none where a record shows nothing but noise of it.
@@ -150,9 +147,6 @@ fn refusal(
     [left, least, others]: [f64; 3],
 ) -> Error {
     let own = &study.records[record];
-    let one = |own: &Mended| cause(&columns(study, &own.places), own.factor);
-    let mut causes: Vec<String> = mended.iter().map(one).collect();
-    causes.dedup();
     let share = |error: f64| format!("{:.0} %", 100.0 * error);
     let stated = if left.is_finite() {
         format!("leaves an error of {} the spread of `{}`", of_spread(left), study.outputs[output].name)
@@ -162,7 +156,7 @@ fn refusal(
     let problem = format!(
         "{} does not go with the other records: {}. There the declared model {stated}, {} without that, and {} on the others. Mend the file (a unit behind the name of a column, as in `p [bar]`, is converted), or leave its [[segment]] out",
         own.name,
-        causes.join(", or "),
+        causes(study, mended.iter().map(|own| (&own.places[..], own.factor))),
         share(least),
         share(others),
     );

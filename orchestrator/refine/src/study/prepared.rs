@@ -51,7 +51,7 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     let fitted = fitted.map(|declared| (played(&study, &declared), declared));
     if let Ok((played, declared)) = &fitted {
         odd_record::check(file, &mut study, declared)?;
-        scale::check_windows(file, &mut study)?;
+        scale::check_windows(file, &mut study, declared)?;
         horizon::check(file, &study, declared, played)?;
     }
     let suspicion = sign::check(file, &mut study)?;

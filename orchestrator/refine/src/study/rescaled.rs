@@ -8,6 +8,11 @@ pub type Place = (usize, usize);
 
 /// Ratios between units that are mistaken for one another: milli, centi, degree, minute, bar, mega.
 pub const UNITS: [f64; 6] = [1e3, 1e2, 180.0 / std::f64::consts::PI, 60.0, 1e5, 1e6];
+/// Ratio of the errors with another unit or sign and as it is up to which records are told to have it.
+pub const MAX_RATIO_OF_MENDED: f64 = 0.3;
+/// Ratio of errors up to which two columns may equally be the one.
+pub const MAX_RATIO_OF_EQUALS: f64 = 1.05;
+
 /// Signals that change together: all of a column, or one alone where a column makes several.
 pub fn by_column(study: &Study) -> Vec<Vec<Place>> {
     let mut columns: Vec<(&String, Vec<Place>)> = Vec::new();
@@ -29,7 +34,7 @@ pub fn by_column(study: &Study) -> Vec<Vec<Place>> {
 }
 
 /// Names of the columns that signals come from, each once.
-pub fn columns(study: &Study, places: &[Place]) -> Vec<String> {
+fn columns(study: &Study, places: &[Place]) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     for &(list, index) in places {
         let column = study.sensors.signals[list][index].as_ref().and_then(|signal| signal.source());
@@ -79,8 +84,20 @@ pub fn groups(study: &Study) -> Vec<Vec<Place>> {
     found
 }
 
+/// Words for columns that may each, with its factor, be at fault.
+pub fn causes<'a>(study: &Study, faults: impl Iterator<Item = (&'a [Place], f64)>) -> String {
+    let mut found: Vec<String> = Vec::new();
+    for (places, factor) in faults {
+        let own = cause(&columns(study, places), factor);
+        if !found.contains(&own) {
+            found.push(own);
+        }
+    }
+    found.join(", or ")
+}
+
 /// Words for the fault of columns that are right with a factor: sign or size.
-pub fn cause(columns: &[String], factor: f64) -> String {
+fn cause(columns: &[String], factor: f64) -> String {
     let names: Vec<String> = columns.iter().map(|name| format!("`{name}`")).collect();
     let (many, are, have) = if names.len() > 1 { ("s", "are", "have") } else { ("", "is", "has") };
     let times =

@@ -6,7 +6,7 @@ use super::errors::errors;
 use super::fits::Fits;
 use super::model::Study;
 use super::prepared::Played;
-use super::rescaled::{UNITS, cause, columns, groups, multiply};
+use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, UNITS, causes, groups, multiply};
 use crate::Error;
 use crate::engine::fit::Fit;
 use crate::engine::settings::{MAX_ERROR_OF_OTHER_UNIT, MIN_FACTOR_OF_OTHER_UNIT};
@@ -15,12 +15,8 @@ use crate::order::ascending;
 /// Ratio of the factors of outputs up to which one command may be the reason of all.
 const MAX_RATIO_OF_FACTORS: f64 = 1.2;
 
-/// Ratio of the errors with another unit and as it is up to which windows show that a unit is wrong.
-const MAX_RATIO_OF_ERRORS: f64 = 0.3;
-/// The same ratio up to which the other outputs are no worse.
+/// Ratio of the errors of the other outputs with another unit and as it is up to which they are no worse.
 const MAX_RATIO_OF_AS_GOOD: f64 = 1.1;
-/// Ratio of errors up to which two columns may equally be of the other unit.
-const MAX_RATIO_OF_EQUALS: f64 = 1.05;
 /// Records that are compared.
 const RECORDS: usize = 3;
 
@@ -79,51 +75,53 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
 ///
 /// # Errors
 /// Columns, factor, errors as it is and with the factor, and what to write.
-pub fn check_windows(file: &File, study: &mut Study) -> Result<(), Error> {
+pub fn check_windows(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error> {
     if study.windows.is_none() {
         return Ok(());
     }
-    let stated = errors_in_windows(study);
-    let mut found: Vec<(f64, Vec<String>, f64, usize)> = Vec::new();
+    let stated = errors_in_windows(study, &declared.parameters);
+    // Fits to columns of another unit may have led the free parameters anywhere; a fit for each unit takes too long.
+    let mut parameters = vec![declared.parameters.clone()];
+    parameters.extend((!study.declared_free().is_empty()).then(|| study.start()));
+    let mut found: Vec<(f64, Vec<Place>, f64, usize)> = Vec::new();
     let kept = study.records.clone();
     for places in groups(study) {
         let drives = places.iter().any(|place| place.0 == 0);
         for unit in UNITS {
             let factor = if drives { unit } else { 1.0 / unit };
             multiply(&mut study.records, &places, factor);
-            let other = errors_in_windows(study);
+            for p in &parameters {
+                let other = errors_in_windows(study, p);
+                let all_as_good =
+                    other.iter().zip(&stated).all(|(own, stated)| *own <= MAX_RATIO_OF_AS_GOOD * stated);
+                let shows = |&o: &usize| {
+                    let other_unit = other[o] <= MAX_ERROR_OF_OTHER_UNIT;
+                    all_as_good && other_unit && other[o] <= MAX_RATIO_OF_MENDED * stated[o]
+                };
+                let most = (0..stated.len()).filter(shows).max_by(|&a, &b| stated[a].total_cmp(&stated[b]));
+                found.extend(most.map(|o| (other[o] / stated[o], places.clone(), factor, o)));
+            }
             study.records.clone_from(&kept);
-            let all_as_good =
-                other.iter().zip(&stated).all(|(own, stated)| *own <= MAX_RATIO_OF_AS_GOOD * stated);
-            let shows = |&o: &usize| {
-                all_as_good
-                    && other[o] <= MAX_RATIO_OF_ERRORS * stated[o]
-                    && other[o] <= MAX_ERROR_OF_OTHER_UNIT
-            };
-            let most = (0..stated.len()).filter(shows).max_by(|&a, &b| stated[a].total_cmp(&stated[b]));
-            found.extend(most.map(|o| (other[o] / stated[o], columns(study, &places), factor, o)));
         }
     }
     ascending(&mut found, |own| own.0);
     let Some(least) = found.first().map(|own| own.0) else { return Ok(()) };
     found.retain(|own| own.0 <= MAX_RATIO_OF_EQUALS * least);
-    let causes: Vec<String> = found.iter().map(|(_, names, factor, _)| cause(names, *factor)).collect();
     let o = found[0].3;
     Err(file.refuse_all(format!(
         "{}: in windows the declared model leaves an error of {:.0} % of the spread of `{}`, and {:.0} % without that. Another unit? A column says it behind its name, as in `x [mm]`, or `unit` or `scale` where it is declared; else correct the model",
-        causes.join(", or "),
+        causes(study, found.iter().map(|own| (&own.1[..], own.2))),
         100.0 * stated[o],
         study.outputs[o].name,
         100.0 * least * stated[o],
     )))
 }
 
-/// Errors of the fitted declared model over the spread of the outputs on the first estimation records.
-fn errors_in_windows(study: &Study) -> Vec<f64> {
-    let mut fits = Fits::new(study, study.spreads());
-    fits.pieces.truncate(RECORDS);
-    let Fit { parameters, locals, .. } = fits.declared().fit;
-    let found = errors(&fits, &[], &fits.pieces, &parameters, Some(&locals));
+/// Errors of the declared model over the spread of the outputs on the first estimation records.
+fn errors_in_windows(study: &Study, p: &[f64]) -> Vec<f64> {
+    let fits = Fits::new(study, study.spreads());
+    let pieces = &fits.pieces[..fits.pieces.len().min(RECORDS)];
+    let found = errors(&fits, &[], pieces, p, None);
     study.outputs.iter().map(|output| found.nrmse.get(&output.name).copied().unwrap_or(0.0)).collect()
 }
 

@@ -6,7 +6,7 @@ use toml::Spanned;
 use super::declaration::{File, Signal};
 use super::fits::Fits;
 use super::model::Study;
-use super::rescaled::{Place, by_column, multiply};
+use super::rescaled::{MAX_RATIO_OF_EQUALS, Place, by_column, multiply};
 use crate::Error;
 use crate::answer::{Answer, Verdict};
 use crate::order::ascending;
@@ -18,9 +18,6 @@ const MAX_ERROR_OF_CLEAR_SIGN: f64 = 0.5;
 /// Ratio of the errors of an answer and of the declared model with the other sign up to which the answer explains what
 /// looked like a wrong sign.
 const MAX_RATIO_OF_ANSWER: f64 = 0.5;
-
-/// Ratio of their errors up to which two columns may equally be the one of the other sign.
-const MAX_RATIO_OF_EQUALS: f64 = 1.05;
 
 /// A column that may have the other sign, if the search finds nothing better.
 pub struct Suspicion {
