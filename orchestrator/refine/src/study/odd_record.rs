@@ -9,6 +9,7 @@ use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, causes, f
 use super::simulate::Piece;
 use crate::Error;
 use crate::engine::fit::Fit;
+use crate::engine::stop;
 use crate::order::ascending;
 use crate::regime::deviation;
 use crate::sign::{MAX_ERROR_OF_OTHERS, goes_with, is_odd, median, of_spread};
@@ -18,7 +19,8 @@ const MAX_RECORDS_LEFT_OUT: usize = 12;
 /// Spread of an output in multiples of its noise below which a record says nothing of it.
 const MIN_SPREAD_OVER_NOISE: f64 = 5.0;
 
-/// Refuses a study one of whose records goes with the others only if the sign or the unit of a column is another.
+/// Refuses a study one of whose records goes with the others only if the sign or the unit of a column is another. A
+/// search that must end judges nothing: its declared model may not be fitted yet.
 ///
 /// # Errors
 /// Record, column, errors as it is, mended, and of the others, and what to do.
@@ -28,11 +30,17 @@ pub fn check(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error
         role == Role::Estimation || role == Role::Validation
     };
     let records: Vec<usize> = (0..study.records.len()).filter(counts).collect();
+    if stop::asked() {
+        return Ok(());
+    }
     let all = Fitted::new(study, &records, declared.parameters.clone());
     let is_far = |o: usize| all.others(o, None).is_some_and(|error| error > MAX_ERROR_OF_OTHERS);
     let is_quick = records.len() <= MAX_RECORDS_LEFT_OUT && !study.declared_free().is_empty();
     let is_pulled = is_quick && (0..study.outputs.len()).any(is_far);
     for (k, &r) in records.iter().enumerate() {
+        if stop::asked() {
+            return Ok(());
+        }
         // Parameters that were fitted to the odd record, too, fit none.
         let is_fitted = study.records[r].role == Role::Estimation;
         let without = (is_pulled && is_fitted).then(|| Fitted::without(study, &records, r));
@@ -72,6 +80,9 @@ fn mended(
     let before = left[o].unwrap_or(f64::NAN);
     for places in groups(study) {
         for factor in factors() {
+            if stop::asked() {
+                return Vec::new();
+            }
             multiply(&mut study.records[record..=record], &places, factor);
             let with = errors_of_outputs(study, record, p);
             study.records[record].clone_from(&kept);

@@ -10,6 +10,7 @@ use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, UNITS, ca
 use crate::Error;
 use crate::engine::fit::Fit;
 use crate::engine::settings::{MAX_ERROR_OF_OTHER_UNIT, MIN_FACTOR_OF_OTHER_UNIT};
+use crate::engine::stop;
 use crate::order::ascending;
 
 /// Ratio of the factors of outputs up to which one command may be the reason of all.
@@ -76,7 +77,7 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
 /// # Errors
 /// Columns, factor, errors as it is and with the factor, and what to write.
 pub fn check_windows(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error> {
-    if study.windows.is_none() {
+    if study.windows.is_none() || stop::asked() {
         return Ok(());
     }
     let stated = errors_in_windows(study, &declared.parameters);
@@ -86,6 +87,9 @@ pub fn check_windows(file: &File, study: &mut Study, declared: &Fit) -> Result<(
     let mut found: Vec<(f64, Vec<Place>, f64, usize)> = Vec::new();
     let kept = study.records.clone();
     for places in groups(study) {
+        if stop::asked() {
+            return Ok(());
+        }
         let drives = places.iter().any(|place| place.0 == 0);
         for unit in UNITS {
             let factor = if drives { unit } else { 1.0 / unit };
