@@ -111,11 +111,11 @@ pub enum Schema {
 /// A case that cannot be read or searched, a report that cannot be written.
 pub fn run(args: &Args) -> Result<ExitCode, Error> {
     let (Some(path), None) = (args.case.as_deref(), args.schema) else {
-        output::print(if args.schema == Some(Schema::Study) {
-            study::SCHEMA
-        } else {
-            airloop_report::SCHEMA
-        })?;
+        let schema = match args.schema {
+            Some(Schema::Study) => study::declaration::schema(),
+            _ => airloop_report::SCHEMA.to_owned(),
+        };
+        output::print(&schema)?;
         return Ok(ExitCode::SUCCESS);
     };
     if args.plan {
@@ -220,6 +220,9 @@ fn plan(path: &Path) -> Result<ExitCode, Error> {
     }
     for (name, why) in &found.not_testable {
         text += &format!("\nnot testable: {name}: {why}");
+    }
+    for note in &found.notes {
+        text += &format!("\nnote: {note}");
     }
     output::print(text.trim_end())?;
     output::print("\n")?;

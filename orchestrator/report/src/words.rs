@@ -352,22 +352,29 @@ pub fn error_note(answer: &Answer) -> &'static str {
     }
 }
 
+/// In place of an error of a model that cannot be simulated to the end of every record.
+const NO_END: &str = "diverges";
+
 /// Rows of the table of errors on validation records.
 pub fn errors(answer: &Answer, signals: &[Signal]) -> Vec<[String; 7]> {
-    let (before, after) = (&answer.before[1], &answer.after[1]);
-    let row = |(signal, &rms): (&String, &f64)| {
-        let left = after.rms.get(signal).copied().unwrap_or(f64::NAN);
-        let noise = answer.noise.get(signal).copied().unwrap_or(f64::NAN);
-        let [from, to] = [before, after].map(|errors| answer.times_floor(errors, signal).unwrap_or(f64::NAN));
-        let share = |errors: &airloop_refine::answer::Errors| {
-            format!("{:.2} %", 100.0 * errors.nrmse.get(signal).copied().unwrap_or(f64::NAN))
+    let models = [&answer.before[1], &answer.after[1]];
+    let row = |signal: &String| {
+        let cell = |value: Option<f64>, shown: &dyn Fn(f64) -> String| match value {
+            Some(value) if value.is_finite() => shown(value),
+            Some(_) => NO_END.to_owned(),
+            None => "-".to_owned(),
         };
         let unit = signals.iter().find(|own| own.name == *signal).map_or("", |own| own.unit.as_str());
         let shown = if unit.is_empty() { signal.clone() } else { format!("{signal} [{unit}]") };
-        let times = format!("{from:.2} \u{2192} {to:.2}");
-        [shown, number(noise), number(rms), number(left), share(before), share(after), times]
+        let noise = cell(answer.noise.get(signal).copied(), &number);
+        let [rms, left] = models.map(|errors| cell(errors.rms.get(signal).copied(), &number));
+        let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+        let [share, share_left] = models.map(|errors| cell(errors.nrmse.get(signal).copied(), &percent));
+        let floors = |value: f64| format!("{value:.2}");
+        let [from, to] = models.map(|errors| cell(answer.times_floor(errors, signal), &floors));
+        [shown, noise, rms, left, share, share_left, format!("{from} \u{2192} {to}")]
     };
-    before.rms.iter().map(row).collect()
+    answer.before[1].rms.keys().map(row).collect()
 }
 
 /// Header of [`parameter_rows`].
@@ -424,7 +431,8 @@ pub fn correction_rows(answer: &Answer) -> Vec<Vec<String>> {
             own.path(),
             number(own.declared),
             rounded(own.value, half),
-            rounded(half, half),
+            // A fit has no interval for a parameter that it holds at a bound.
+            if half == 0.0 { "as far as it may go".to_owned() } else { rounded(half, half) },
             format!("{:+.1}", own.moved / own.tolerance),
         ]
     };
@@ -466,9 +474,27 @@ pub fn candidate_rows(answer: &Answer) -> Vec<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
-    use airloop_refine::answer::{Step, Tried};
+    use airloop_refine::answer::{Errors, Step, Tried};
 
     use super::*;
+
+    #[test]
+    fn errors_of_a_model_that_diverges_are_said_to_be_so() {
+        let errors = |rms: f64| Errors {
+            rms: [("x".to_owned(), rms)].into(),
+            nrmse: [("x".to_owned(), rms)].into(),
+            ..Errors::default()
+        };
+        let noise = [("x".to_owned(), 0.1)].into();
+        let answer = Answer {
+            before: [errors(0.5), errors(f64::NAN)],
+            after: [errors(0.2), errors(0.2)],
+            noise,
+            ..Answer::default()
+        };
+        let cells = super::errors(&answer, &[]);
+        assert_eq!(cells[0][2..], ["diverges", "0.20000", "diverges", "20.00 %", "diverges \u{2192} 2.00"]);
+    }
 
     #[test]
     fn the_nearest_effect_is_named_where_it_was_refused_and_took_much() {

@@ -16,6 +16,7 @@ pub mod names;
 pub mod random;
 pub mod resample;
 pub mod rows;
+pub mod schema;
 pub mod scratch;
 pub mod stream;
 pub mod uniform;

@@ -296,7 +296,7 @@ pub struct PlanFile {
 impl PlanFile {
     /// JSON schema of a plan, for editors that complete and check TOML.
     pub fn schema() -> String {
-        airloop_plan::file::schema_of::<PlanFile>()
+        airloop_series::schema::schema_of::<PlanFile>()
     }
 
     /// Reads the text of a plan; `file` is its name in messages.

@@ -18,10 +18,6 @@ pub mod value;
 use std::path::{Path, PathBuf};
 
 pub use quantity::{Quantity, QuantityOr};
-use schemars::generate::SchemaSettings;
-use schemars::transform::RecursiveTransform;
-use schemars::{JsonSchema, Schema};
-use serde_json::Value;
 pub use source::{Place, Source};
 pub use statement::{Statement, TRANSCRIPTIONS, parse, transcription_name};
 pub use stick_figure::{Angle, Length, Rod, StickFigure};
@@ -52,33 +48,9 @@ pub fn variant(statement: &Statement, name: &str) -> Result<PathBuf, Error> {
     })
 }
 
-/// JSON schema of a file, for editors that complete and check TOML.
-pub fn schema_of<T: JsonSchema>() -> String {
-    let settings = SchemaSettings::draft07().with_transform(RecursiveTransform(without_null));
-    let schema = settings.into_generator().into_root_schema_for::<T>();
-    serde_json::to_string_pretty(&schema).expect("a schema is a JSON value") + "\n"
-}
-
-/// Takes `null` out of a schema: a key of TOML that may be left out has no other value for nothing.
-fn without_null(schema: &mut Schema) {
-    if let Some(Value::Array(kinds)) = schema.get_mut("type")
-        && let [kind, Value::String(null)] = &kinds[..]
-        && null == "null"
-    {
-        let kind = kind.clone();
-        schema.insert("type".into(), kind);
-    }
-    if let Some(Value::Array(choices)) = schema.get_mut("anyOf") {
-        choices.retain(|one| one["type"] != "null");
-    }
-    if schema.get("default") == Some(&Value::Null) {
-        schema.remove("default");
-    }
-}
-
 /// JSON schema of the problem file.
 pub fn schema() -> String {
-    schema_of::<Statement>()
+    airloop_series::schema::schema_of::<Statement>()
 }
 
 #[cfg(test)]

@@ -217,7 +217,7 @@ pub fn parse(source: Source) -> Result<Settings, Error> {
 
 /// JSON schema of the file.
 pub fn schema() -> String {
-    crate::file::schema_of::<Settings>()
+    airloop_series::schema::schema_of::<Settings>()
 }
 
 impl Settings {

@@ -8,7 +8,7 @@ use super::formula::{self, PRICE_PER_COMPLEXITY};
 use super::free_form::{FreeForm, GROWING_SHARES};
 use super::grammar::{Axis, Formula, product};
 use super::place::CURVE_KNOTS;
-use super::study::{Aim, Found, corrections, extended, push};
+use super::study::{Found, corrections, extended, push};
 use super::written::{curve_text, effect, read};
 use crate::answer::Answer;
 use crate::engine::fit::Free;
@@ -140,7 +140,7 @@ impl Finder<'_> {
         tried.retain(reaches);
         ascending(&mut tried, |own| own.rank());
         self.prune(study, (declared, &[]), &place, &mut tried);
-        self.prune_beside_corrections(study, declared, &place, &mut tried);
+        self.prune_beside_corrections(study, (judge, declared), &place, &mut tried);
         let mut best: Option<(Model, Arc<Own>, f64)> = None;
         let mut rivals = Vec::new();
         for Tried { model, effect, share, .. } in tried.iter().take(JUDGED) {
@@ -280,22 +280,21 @@ impl Finder<'_> {
     fn prune_beside_corrections(
         &self,
         study: &mut Study,
-        declared: &Model,
+        (judge, declared): (&Judge, &Model),
         place: &Place,
         tried: &mut Vec<Tried>,
     ) {
-        let max_tolerances = match self.aim {
-            Aim::Noise { max_tolerances } => max_tolerances,
-            Aim::Share { .. } if self.beside.is_empty() => return,
-            Aim::Share { .. } => self.max_tolerances,
-        };
-        let found = corrections(study, max_tolerances);
+        let found = corrections(study, self.max_tolerances);
         let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !found.is_empty()) else {
             return;
         };
         let (formula, share) = (best.formula.clone(), best.share);
         let mut beside = Vec::new();
         beside.extend(self.exact(study, (declared, &found), place, &formula, share));
+        // Fits in units of the noise know nothing of a share.
+        if self.aim.is_share() && self.beside.is_empty() {
+            beside.retain(|own| self.noise_left(study, judge, &found, &own.model).is_some());
+        }
         self.prune(study, (declared, &found), place, &mut beside);
         let shorter = beside.into_iter().next().filter(|own| own.formula.terms.len() < formula.terms.len());
         if let Some(shorter) = shorter {

@@ -13,6 +13,7 @@ use crate::engine::fit::Free;
 use crate::engine::normal::Columns;
 use crate::engine::stop;
 use crate::study::changed::corrected;
+use crate::study::colored;
 use crate::study::explain::{self, Judge};
 use crate::study::fits::{Fits, Model};
 use crate::study::law::{Point, Variable};
@@ -58,7 +59,7 @@ pub(super) struct Finder<'a> {
     pub(super) max_error: f64,
     /// Whether laws over the motion at other ports and laws with a memory are tried.
     pub(super) wide: bool,
-    /// Tolerances up to which declared parameters are corrected beside effects with a law that leave noise.
+    /// Tolerances up to which declared parameters are corrected beside a law that leaves noise.
     pub(super) max_tolerances: f64,
     /// Effects beside which a law is looked for, fitted along with it: candidates.
     pub(super) beside: Vec<usize>,
@@ -186,6 +187,26 @@ impl Finder<'_> {
         let fits = self.fits_in_noise(study, corrections.to_vec());
         let model = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals)?;
         Some(Model { error: self.error(study, &model), ..model })
+    }
+
+    /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else: that of the sensors, or
+    /// the white noise that hides as much as one that is not white.
+    pub(super) fn noise_left(
+        &self,
+        study: &Study,
+        judge: &Judge,
+        corrections: &[Free],
+        model: &Model,
+    ) -> Option<Vec<f64>> {
+        let fits = self.fits_in_noise(study, corrections.to_vec());
+        let mut scale = explain::noises(study);
+        if judge.explained(&fits, model) {
+            return Some(scale);
+        }
+        for (output, noise) in colored::noises(&fits, judge, model)? {
+            scale[output] = noise.as_white();
+        }
+        Some(scale)
     }
 
     /// Error of a model in the units of the search.

@@ -57,10 +57,7 @@ const MIN_SHARE_OF_PART: f64 = 0.3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
     /// A formula that leaves noise or next to nothing; given up once the free form predicts that none does.
-    Noise {
-        /// Tolerances up to which declared parameters are corrected beside it.
-        max_tolerances: f64,
-    },
+    Noise,
     /// A law that explains nearly all of the residual.
     Share {
         /// Share of what a law over other variables takes away that effects must take away to have the right form.
@@ -92,12 +89,12 @@ pub fn explain(
     scale: &[f64],
     model: (&Judge, &Model),
     found: &mut Answer,
-    aim: Aim,
+    (aim, max_tolerances): (Aim, f64),
     say: Say,
 ) -> InPlace {
     let before = Extent::of(study);
     let mut held = InPlace::default();
-    let law = sought(study, scale, model, found, (aim, &mut held), say);
+    let law = sought(study, scale, model, found, (aim, max_tolerances, &mut held), say);
     if law.is_none() && held.part.is_none() {
         before.restore(study);
     }
@@ -109,7 +106,7 @@ fn sought(
     scale: &[f64],
     (judge, base): (&Judge, &Model),
     found: &mut Answer,
-    (aim, held): (Aim, &mut InPlace),
+    (aim, max_tolerances, held): (Aim, f64, &mut InPlace),
     say: Say,
 ) -> Option<Model> {
     let left = 1.0 - found.share.unwrap_or(0.0);
@@ -123,7 +120,7 @@ fn sought(
         false => 1.0 - MIN_SHARE_ABOVE_NOISE,
     };
     let wide = !partly || left > MAX_LEFT_FOR_SIMPLE_LAWS || !aim.is_share();
-    let scope = Scope { lacking: &found.before[1], enough, wide, max_tolerances: 0.0 };
+    let scope = Scope { lacking: &found.before[1], enough, wide, max_tolerances };
     let mut finder = Finder::new(study, scale, (judge, base), aim, scope, say);
     let Outcome { mut law, model, after, .. } = finder.find(study, judge, base, found)?;
     let fits = finder.fits_with_all_steps(study);
@@ -138,7 +135,7 @@ fn sought(
     let in_time = law.variables.iter().any(|name| name == "time");
     let near_noise = judge.floors(model.error.powi(2)) < MAX_FLOORS_OF_LAW_IN_TIME;
     let most = law.share >= MIN_SHARE_ABOVE_NOISE && (!in_time || near_noise);
-    let for_noise = matches!(aim, Aim::Noise { .. });
+    let for_noise = !aim.is_share();
     if for_noise && !(law.named && (complete || law.share >= MIN_SHARE_WITHOUT_CORRECTIONS)) {
         return None;
     }
@@ -357,20 +354,21 @@ impl Finder<'_> {
         }
         // Declared parameters within their tolerances shift the parameters of a law; what leaves noise is weighed by
         // the noise.
-        let corrections = match self.aim {
-            Aim::Noise { max_tolerances } => Some(corrections(study, max_tolerances)),
-            Aim::Share { .. } if self.beside.is_empty() => {
-                judge.explained(&fits, &model).then(|| self.corrections.clone())
+        let all = corrections(study, self.max_tolerances);
+        let in_noise = match self.aim {
+            Aim::Noise => Some((all, explain::noises(study))),
+            Aim::Share { .. } if self.beside.is_empty() && judge.explained(&fits, &model) => {
+                Some((self.corrections.clone(), explain::noises(study)))
             }
-            Aim::Share { .. } => {
-                let all = corrections(study, self.max_tolerances);
-                let own = self.in_noise(study, &all, &model).filter(|_| model.error < self.max_error);
-                own.is_some_and(|own| judge.explained(&fits, &own)).then_some(all)
+            Aim::Share { .. } if model.error < self.max_error => {
+                let own = self.in_noise(study, &all, &model);
+                own.and_then(|own| self.noise_left(study, judge, &all, &own)).map(|scale| (all, scale))
             }
+            Aim::Share { .. } => None,
         };
-        let in_noise = corrections.is_some();
-        if let Some(corrections) = corrections {
-            fits = self.fits_in_noise(study, corrections);
+        let is_in_noise = in_noise.is_some();
+        if let Some((corrections, scale)) = in_noise {
+            fits = Fits { corrections, ..Fits::new(study, scale) };
             model =
                 fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
         }
@@ -398,7 +396,7 @@ impl Finder<'_> {
         }
         let tap = found.tap;
         let channel = found.variables.first().map_or("", |own| channel(study, tap, *own));
-        let widen = model.error.max(if in_noise { 1.0 } else { judge.power.sqrt() });
+        let widen = model.error.max(if is_in_noise { 1.0 } else { judge.power.sqrt() });
         let c = *model.added.last()?;
         let place = |index: usize| model.fit.free.iter().position(|free| free.index == index);
         let known = study.candidates[c].entries.clone().map(|index| {

@@ -145,7 +145,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
         // A law that leaves noise needs no search for shares; effects with corrections that do say more.
         let mut found = assemble(&fits, &judge, &selection, None, settings);
         let base = &selection.declared;
-        let aim = Aim::Noise { max_tolerances };
+        let aim = (Aim::Noise, max_tolerances);
         let found_law = law::explain(&mut study, &scale, (&judge, base), &mut found, aim, say).law;
         found_law.map(|law| (found, law))
     };
@@ -190,7 +190,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
             let without = found.clone();
             let before = Extent::of(&study);
-            let in_place = law::explain(&mut study, &scale, (&judge, &base), &mut found, aim, say);
+            let in_place =
+                law::explain(&mut study, &scale, (&judge, &base), &mut found, (aim, max_tolerances), say);
             let mut law = in_place.law;
             // One that takes the place of effects and leaves more than noise may only be their sum with another.
             if !found.complete {

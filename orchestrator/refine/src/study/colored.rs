@@ -57,6 +57,13 @@ pub(crate) struct Noise {
     correlation_time: f64,
 }
 
+impl Noise {
+    /// Rms of white noise that would leave a fit as uncertain.
+    pub(crate) fn as_white(&self) -> f64 {
+        self.rms * self.correlation_time.max(1.0).sqrt()
+    }
+}
+
 /// Noise by output where it is not white, if a model leaves nothing else.
 pub(crate) fn noises(fits: &Fits, judge: &Judge, model: &Model) -> Option<Vec<(usize, Noise)>> {
     let study = fits.study;

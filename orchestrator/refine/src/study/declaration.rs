@@ -5,62 +5,100 @@ use std::path::{Path, PathBuf};
 
 use airloop_series::declared;
 use airloop_series::units::{self, Compatibility};
+use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde_json::json;
 use toml::Spanned;
 
 use super::ports::Duty;
 use crate::Error;
 
-/// Contents of a `study.toml`.
-#[derive(Debug, Clone, Deserialize)]
+/// JSON schema of a `study.toml`.
+pub fn schema() -> String {
+    airloop_series::schema::schema_of::<Declaration>()
+}
+
+/// One of the keys of a signal that name a column.
+fn one_source() -> serde_json::Value {
+    json!([{ "required": ["column"] }, { "required": ["derivative_of"] }, { "required": ["integral_of"] }])
+}
+
+/// A number between 0 and 1.
+fn share() -> serde_json::Value {
+    json!({ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 })
+}
+
+/// The other word for estimation.
+fn with_train(schema: &mut Schema) {
+    if let Some(serde_json::Value::Array(words)) = schema.get_mut("oneOf") {
+        words.push(json!({ "type": "string", "const": "train", "description": "The same as `estimation`." }));
+    }
+}
+
+/// Contents of a `study.toml`: a system of FMUs, records made with it, and the places where effects may be missing.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Study for airloop refine (study.toml)")]
 pub struct Declaration {
     /// Name of the study; the name of the folder without one.
     #[serde(default)]
     pub name: String,
-    /// `.ssd`, `.ssp` or `.fmu`, relative to this file; `airloop:NAME` is an FMU of this project.
+    /// `.ssd`, `.ssp` or `.fmu`, relative to this file; `airloop:NAME` is an FMU of this project,
+    /// `airloop:piston-with-friction` two in series.
+    #[schemars(with = "String")]
     pub system: Spanned<String>,
     /// Step of the simulation and of the records \[s\]; the step of the records without it, or where it is
     /// shorter.
     #[serde(default)]
+    #[schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0))]
     pub step_s: Option<Spanned<f64>>,
     /// Whether poles and gains of identified linear models (state spaces) are fitted anew beside every effect; yes
     /// without it, unless `[[free]]` names what is free.
     #[serde(default)]
     pub fit_identified: Option<bool>,
-    /// Values of parameters of the system, in their units.
+    /// Values of parameters of the system, in their units; Enumerations by item or number.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Value>")]
     pub parameters: BTreeMap<String, Spanned<Value>>,
-    /// How well declared parameters are known: one standard deviation relative to the value.
+    /// How well declared parameters are known: one standard deviation relative to the value; without it by unit: masses,
+    /// lengths and others 0.01, friction 0.03, slopes of a friction law by speed 0.1.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, f64>", extend("additionalProperties" = share()))]
     pub tolerance: BTreeMap<String, Spanned<f64>>,
     /// Inputs of the system and the columns they are fed with.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Signal>")]
     pub inputs: BTreeMap<String, Spanned<Signal>>,
-    /// States and the columns that show them: for initial states and force residuals.
+    /// States and the columns that show them: for initial states, restarts of windows, and force residuals.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Signal>")]
     pub states: BTreeMap<String, Spanned<Signal>>,
     /// Further signals made of columns that attachments may name.
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Signal>")]
     pub signals: BTreeMap<String, Spanned<Signal>>,
     /// Outputs and the columns they are compared with.
+    #[schemars(with = "BTreeMap<String, Output>", extend("minProperties" = 1))]
     pub outputs: BTreeMap<String, Spanned<Output>>,
-    /// Records.
+    /// Records: at least one for estimation and one for validation.
+    #[schemars(with = "Vec<Segment>", length(min = 2))]
     pub segment: Vec<Spanned<Segment>>,
-    /// Parameters that are fitted in the declared model as well.
+    /// Declared parameters that are fitted beside every effect.
     #[serde(default)]
+    #[schemars(with = "Vec<FreeParameter>")]
     pub free: Vec<Spanned<FreeParameter>>,
-    /// Places where effects may act.
+    /// Places where effects may be missing; without any, all that the system has (`airloop refine --plan` lists them).
     #[serde(default)]
+    #[schemars(with = "Vec<Attachment>")]
     pub attachment: Vec<Spanned<Attachment>>,
-    /// The error that is reported.
+    /// How the error is measured: simulations that restart after a time, and the residual as a force.
     #[serde(default)]
     pub error: ErrorRule,
 }
 
 /// Value of a parameter: a number, a Boolean, or text (an item of an Enumeration).
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Value {
     /// Real, Integer, or value of an Enumeration.
@@ -109,10 +147,11 @@ impl Value {
 }
 
 /// A signal made of a column.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = one_source()))]
 pub struct Signal {
-    /// Column.
+    /// Column of the CSV files.
     #[serde(default)]
     pub column: Option<String>,
     /// Column whose derivative by time it is.
@@ -135,9 +174,11 @@ pub struct Signal {
     pub hold: bool,
     /// Corner of a zero-phase low-pass of order 4 \[Hz\].
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub low_pass_hz: Option<f64>,
     /// Points of a Savitzky-Golay derivative of order 2.
     #[serde(default)]
+    #[schemars(range(min = 3))]
     pub savitzky_golay_points: Option<usize>,
 }
 
@@ -150,16 +191,17 @@ impl Signal {
 }
 
 /// A measured output.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
-    /// Column.
+    /// Column of the CSV files that holds the measurement.
     pub column: String,
     /// Unit of the column; that of the system's signal without it.
     #[serde(default)]
     pub unit: Option<String>,
     /// Rms of the sensor noise in `unit`; estimated from the scatter from sample to sample without it.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub noise: Option<f64>,
     /// Factor, for columns of the other sign.
     #[serde(default)]
@@ -171,7 +213,7 @@ pub struct Output {
 }
 
 /// An offset of an output.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "`offset` is a number or \"fit\"")]
 pub enum Offset {
     /// Known.
@@ -191,7 +233,7 @@ impl Offset {
 }
 
 /// The word `fit`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fitted {
     /// Fitted.
@@ -199,27 +241,30 @@ pub enum Fitted {
 }
 
 /// A span of a file.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
     /// CSV file, relative to this file.
     pub file: String,
     /// Use of the segment.
     pub role: Role,
-    /// Begin \[s\]. Delays, play and sampled components that follow inputs alone remember what the file shows before.
+    /// Where it begins in the file \[s\]; the beginning of the file without it. Delays, play and sampled components that
+    /// follow inputs alone remember what the file shows before, as long as the segment at most; where there is nothing
+    /// before, they have settled at the first value.
     #[serde(default)]
     pub from_s: Option<f64>,
-    /// End \[s\].
+    /// Where it ends in the file \[s\]; the end of the file without it.
     #[serde(default)]
     pub to_s: Option<f64>,
-    /// Initial states.
+    /// Initial states: fitted, measured (the default), or values of states and of Real parameters.
     #[serde(default)]
     pub initial: Option<Initial>,
 }
 
 /// Use of a segment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(transform = with_train)]
 pub enum Role {
     /// Parameters are fitted on it.
     #[serde(alias = "train")]
@@ -245,7 +290,7 @@ impl Role {
 }
 
 /// Initial states of a segment.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Initial {
     /// `fit` or `measured`.
@@ -255,7 +300,7 @@ pub enum Initial {
 }
 
 /// How initial states are found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InitialWord {
     /// Fitted to the segment, whatever its role.
@@ -265,15 +310,15 @@ pub enum InitialWord {
 }
 
 /// A free parameter of the declared model.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeParameter {
     /// Parameter of the system.
     pub parameter: String,
-    /// Least value.
+    /// Least value, in the unit of the parameter.
     #[serde(default)]
     pub min: Option<f64>,
-    /// Largest value.
+    /// Largest value, in the unit of the parameter.
     #[serde(default)]
     pub max: Option<f64>,
     /// Value to start from; that of the system without it.
@@ -282,7 +327,7 @@ pub struct FreeParameter {
 }
 
 /// A place where effects may act: an input of the system or of a component, or the rate of a state.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Attachment {
     /// Input whose value a block changes: `value - f(v, x, p)` for forces, `f(value)` for commands; or the rate of a
@@ -290,6 +335,7 @@ pub struct Attachment {
     pub input: String,
     /// Channels of the vocabulary that may be missing here; without any, all that such a port can lack.
     #[serde(default)]
+    #[schemars(extend("items" = json!({ "enum": super::kinds::CHANNELS })))]
     pub channels: Vec<String>,
     /// Signal: velocity along the force.
     #[serde(default)]
@@ -314,6 +360,7 @@ pub struct Attachment {
     pub bias: Option<String>,
     /// Velocity over which friction changes its sign: `s(v) = tanh(v/vt)`; 1 mm/s, or 0.05 rad/s for the pole.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub vt: Option<f64>,
     /// Velocity at which friction changes its sign, `s(v) = tanh((v - v0)/vt)`; 0 without it.
     #[serde(default)]
@@ -321,6 +368,9 @@ pub struct Attachment {
     /// Ids of effects to look for; all of the channels without it. Kinds where there is no channel.
     #[serde(default)]
     pub effects: Option<Vec<String>>,
+    /// Velocity of another body that the force at this port moves the other way, where no velocity is stated.
+    #[serde(skip)]
+    pub against: Option<String>,
     /// Signal: level that the level at this port drains into, where the structure of the system shows one.
     #[serde(skip)]
     pub drains_into: Option<String>,
@@ -349,12 +399,13 @@ impl Attachment {
 }
 
 /// Which error is fitted and reported.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorRule {
     /// Simulations restart from the measured states after this time \[s\], while states without a column go on; whole
     /// segments without it.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub windows_s: Option<f64>,
     /// The force residual is reported as well.
     #[serde(default)]
@@ -362,7 +413,7 @@ pub struct ErrorRule {
 }
 
 /// Force that is missing at an attachment for the model to follow the measured motion.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ForceRule {
     /// Input of the attachment.
@@ -370,9 +421,11 @@ pub struct ForceRule {
     /// State whose derivative the force changes.
     pub velocity: String,
     /// Corner of the zero-phase low-pass of order 4 for all signals \[Hz\].
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub low_pass_hz: f64,
     /// Left out at both ends of a file \[s\].
     #[serde(default)]
+    #[schemars(range(min = 0))]
     pub trim_s: f64,
     /// The whole file counts, not the segment alone.
     #[serde(default)]

@@ -1,7 +1,7 @@
-//! Recorded commands between two samples: held, on the straight line from one to the next, or on the parabola through
+//! Recorded commands and further signals between two samples: held, on the straight line from one to the next, or on the parabola through
 //! both and what is known halfway.
 
-/// The system inputs that have values.
+/// System inputs or further signals that have values.
 pub(super) struct Driven<'a> {
     inputs: Vec<Input<'a>>,
     /// Samples of the record; of what stands behind them nothing is used.
@@ -10,9 +10,9 @@ pub(super) struct Driven<'a> {
     steps: Vec<[f64; 3]>,
 }
 
-/// A system input that has values.
+/// A signal that has values.
 struct Input<'a> {
-    /// Its place among the system inputs.
+    /// Its place among the signals of the system.
     slot: usize,
     /// Values from the beginning of the record on.
     values: &'a [f64],
@@ -34,7 +34,25 @@ impl<'a> Driven<'a> {
             let values = &values.as_ref()?[past..];
             Some(Input { slot, values, middles: middles[slot].as_deref(), held: held[slot] })
         };
-        let inputs: Vec<Input> = inputs.iter().enumerate().filter_map(one).collect();
+        Driven::of(inputs.iter().enumerate().filter_map(one).collect(), n)
+    }
+
+    /// Of further signals, each with its `n` samples, the first at the place `first` among the signals of the system.
+    pub(super) fn further(
+        signals: &'a [Vec<f64>],
+        held: impl Fn(usize) -> bool,
+        (first, n): (usize, usize),
+    ) -> Driven<'a> {
+        let one = |(index, values): (usize, &'a Vec<f64>)| Input {
+            slot: first + index,
+            values,
+            middles: None,
+            held: held(index),
+        };
+        Driven::of(signals.iter().enumerate().map(one).collect(), n)
+    }
+
+    fn of(inputs: Vec<Input<'a>>, n: usize) -> Driven<'a> {
         let steps = vec![[0.0; 3]; inputs.len()];
         Driven { inputs, n, steps }
     }
@@ -49,7 +67,7 @@ impl<'a> Driven<'a> {
         }
     }
 
-    /// Sets the inputs, in their order the first of `slots`, to their values this part of a step behind the sample.
+    /// Sets the signals among all of the system to their values this part of a step behind the sample.
     #[inline]
     pub(super) fn set(&self, slots: &mut [f64], part: f64) {
         for (input, [here, change, bend]) in self.inputs.iter().zip(&self.steps) {

@@ -46,6 +46,7 @@ pub mod kinds;
 pub mod law;
 mod linear;
 mod memory;
+mod mistaken;
 pub mod model;
 pub mod names;
 pub mod noise;
@@ -96,9 +97,6 @@ use super::Error;
 
 /// Name of a study in a folder.
 pub const STUDY: &str = "study.toml";
-
-/// JSON schema of a study.
-pub const SCHEMA: &str = include_str!("study.schema.json");
 
 /// Problem with a study, without the place in its file.
 #[derive(Debug, thiserror::Error)]

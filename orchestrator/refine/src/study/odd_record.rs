@@ -1,11 +1,12 @@
-//! One record among several with a column of another sign or another unit: told before the search, which would mix it
+//! One record among several with a column of another sign, unit or zero, or with two exchanged: told before the search, which would mix it
 //! into every answer, or blame validation records for it.
 
 use super::declaration::{File, Role};
 use super::errors::errors;
 use super::fits::Fits;
+use super::mistaken::{Mistake, causes, mistakes};
 use super::model::Study;
-use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, causes, factors, groups, multiply};
+use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, factors};
 use super::simulate::Piece;
 use crate::Error;
 use crate::engine::fit::Fit;
@@ -59,12 +60,11 @@ pub fn check(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error
     Ok(())
 }
 
-/// A record that goes with the others with some of its signals multiplied by a factor.
+/// A record that goes with the others once a mistake in its columns is undone.
 struct Mended {
     /// Of the odd output over its spread.
     error: f64,
-    places: Vec<Place>,
-    factor: f64,
+    mistake: Mistake,
 }
 
 /// Ways to mend the output `o` of a record that make no other one worse, best first, if they do so equally. `left`,
@@ -78,24 +78,22 @@ fn mended(
 ) -> Vec<Mended> {
     let (kept, mut found) = (study.records[record].clone(), Vec::new());
     let before = left[o].unwrap_or(f64::NAN);
-    for places in groups(study) {
-        for factor in factors() {
-            if stop::asked() {
-                return Vec::new();
-            }
-            multiply(&mut study.records[record..=record], &places, factor);
-            let with = errors_of_outputs(study, record, p);
-            study.records[record].clone_from(&kept);
-            let goes = |o: usize| {
-                let known = with[o].zip(left[o]).zip(others[o]);
-                known.is_none_or(|((own, left), others)| goes_with(own, others) || own <= left)
-            };
-            let error = with[o].unwrap_or(f64::NAN);
-            let is_better = error <= MAX_RATIO_OF_MENDED * before || before.is_nan() && error.is_finite();
-            let fits = others[o].is_some_and(|others| goes_with(error, others));
-            if is_better && fits && (0..with.len()).all(goes) {
-                found.push(Mended { error, places: places.clone(), factor });
-            }
+    for mistake in mistakes(study, &|_| factors().collect()) {
+        if stop::asked() {
+            return Vec::new();
+        }
+        mistake.undo(&mut study.records[record..=record]);
+        let with = errors_of_outputs(study, record, p);
+        study.records[record].clone_from(&kept);
+        let goes = |o: usize| {
+            let known = with[o].zip(left[o]).zip(others[o]);
+            known.is_none_or(|((own, left), others)| goes_with(own, others) || own <= left)
+        };
+        let error = with[o].unwrap_or(f64::NAN);
+        let is_better = error <= MAX_RATIO_OF_MENDED * before || before.is_nan() && error.is_finite();
+        let fits = others[o].is_some_and(|others| goes_with(error, others));
+        if is_better && fits && (0..with.len()).all(goes) {
+            found.push(Mended { error, mistake });
         }
     }
     ascending(&mut found, |own| own.error);
@@ -167,7 +165,7 @@ fn refusal(
     let problem = format!(
         "{} does not go with the other records: {}. There the declared model {stated}, {} without that, and {} on the others. Mend the file (a unit behind the name of a column, as in `p [bar]`, is converted), or leave its [[segment]] out",
         own.name,
-        causes(study, mended.iter().map(|own| (&own.places[..], own.factor))),
+        causes(study, mended.iter().map(|own| &own.mistake)),
         share(least),
         share(others),
     );

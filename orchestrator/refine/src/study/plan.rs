@@ -13,6 +13,8 @@ pub struct Plan {
     pub sensors: Vec<(String, Vec<String>)>,
     /// Effects that cannot be looked for, and why.
     pub not_testable: Vec<(String, String)>,
+    /// Assumptions made, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// One place.
@@ -52,5 +54,6 @@ pub fn plan(file: &File) -> Result<Plan, Error> {
         places: places.collect(),
         sensors: sensors.filter(|(_, kinds)| !kinds.is_empty()).collect(),
         not_testable: study.not_testable.clone(),
+        notes: study.notes.clone(),
     })
 }

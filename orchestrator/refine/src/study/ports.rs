@@ -51,6 +51,8 @@ pub struct Port {
     pub position: Option<String>,
     /// -1 where a larger value makes the velocity or the level fall.
     pub sign: f64,
+    /// Velocity of another body that a force moves the other way: it acts between the two.
+    pub against: Option<String>,
     /// Signal: level that the level of a flow drains into, as the upper of two tanks into the lower.
     pub drains_into: Option<String>,
     /// Port that acts on the same states in the same way.
@@ -238,6 +240,13 @@ pub fn find(graph: &SystemGraph, measured: &[&str], stated: &[&str]) -> Result<V
                 }
             }
         };
+        let is_force = units[port].is_some_and(|unit| is_mechanical(&unit) && unit.exponents.m == 1);
+        let against = state.filter(|_| velocity.is_some() && is_force).and_then(|own| {
+            let unit = |state: usize| names::unit_of(graph, &states[state]);
+            let mut others = moved[port].iter().copied();
+            let opposite = |state: usize| sense.influence[port][state] * sense.influence[port][own] < 0.0;
+            others.find(|&other| velocity_like(port, other) && unit(other) == unit(own) && opposite(other))
+        });
         let sign = state.map_or(1.0, |state| if sense.influence[port][state] < 0.0 { -1.0 } else { 1.0 });
         let fills = kind != Kind::Electrical
             && moved[port].len() == 1
@@ -250,6 +259,7 @@ pub fn find(graph: &SystemGraph, measured: &[&str], stated: &[&str]) -> Result<V
             velocity,
             position,
             sign,
+            against: against.map(signal),
             drains_into: below,
             like,
             free: free(port),
@@ -424,6 +434,7 @@ fn filled(stated: &Attachment, port: &Port, duty: Duty) -> Attachment {
     let own = stated.clone();
     Attachment {
         velocity: own.velocity.clone().or_else(|| port.velocity.clone()),
+        against: port.against.clone().filter(|_| own.velocity.is_none()),
         position: own.position.clone().or_else(|| port.position.clone()),
         drains_into: port.drains_into.clone(),
         port: Some(duty),

@@ -51,13 +51,18 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     let fitted = fitted.map(|declared| (played(&study, &declared), declared));
     if let Ok((played, declared)) = &fitted {
         odd_record::check(file, &mut study, declared)?;
-        scale::check_windows(file, &mut study, declared)?;
+        if study.windows.is_some() {
+            scale::check_columns(file, &mut study, declared)?;
+        }
         horizon::check(file, &study, declared, played)?;
     }
     let suspicion = sign::check(file, &mut study)?;
     let (played, declared) = fitted?;
     scale::check(file, &study, &played)?;
     settled::check(file, &study, &played)?;
+    if study.windows.is_none() {
+        scale::check_columns(file, &mut study, &declared)?;
+    }
     spiked::silence(&mut study, &declared);
     study.starts = starts::starts(&study, &[], &declared.parameters);
     let (mut survey, trace) = {

@@ -224,7 +224,8 @@ fn fed(file: &File, graph: &SystemGraph) -> Result<(), Error> {
     let own = open::system(file);
     let known = |name: &str| {
         let left = own.as_ref().is_ok_and(|own| own.inputs.iter().any(|input| input.name == name));
-        left || file.declaration.inputs.contains_key(name)
+        let declared = &file.declaration;
+        left || declared.inputs.contains_key(name) || declared.signals.contains_key(name)
     };
     match graph.inputs.iter().find(|input| !known(&input.name)) {
         None => Ok(()),
@@ -255,6 +256,12 @@ fn with_system(file: &File, system: &Path) -> Result<File, Error> {
     declaration.error.force = None;
     let graph = open::system(&own)?;
     fed(file, &graph)?;
+    // Signals of the study that blocks of the amended system see are inputs of it.
+    for input in &graph.inputs {
+        if let Some(signal) = file.declaration.signals.get(&input.name) {
+            own.declaration.inputs.entry(input.name.clone()).or_insert_with(|| signal.clone());
+        }
+    }
     let plant = Plant::new(&graph, &[], &[], &[])
         .map_err(|problem| file.refuse(&file.declaration.system, problem))?;
     let named = |name: &str| -> String {

@@ -34,7 +34,7 @@ pub fn by_column(study: &Study) -> Vec<Vec<Place>> {
 }
 
 /// Names of the columns that signals come from, each once.
-fn columns(study: &Study, places: &[Place]) -> Vec<String> {
+pub fn columns(study: &Study, places: &[Place]) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     for &(list, index) in places {
         let column = study.sensors.signals[list][index].as_ref().and_then(|signal| signal.source());
@@ -84,20 +84,8 @@ pub fn groups(study: &Study) -> Vec<Vec<Place>> {
     found
 }
 
-/// Words for columns that may each, with its factor, be at fault.
-pub fn causes<'a>(study: &Study, faults: impl Iterator<Item = (&'a [Place], f64)>) -> String {
-    let mut found: Vec<String> = Vec::new();
-    for (places, factor) in faults {
-        let own = cause(&columns(study, places), factor);
-        if !found.contains(&own) {
-            found.push(own);
-        }
-    }
-    found.join(", or ")
-}
-
 /// Words for the fault of columns that are right with a factor: sign or size.
-fn cause(columns: &[String], factor: f64) -> String {
+pub fn cause(columns: &[String], factor: f64) -> String {
     let names: Vec<String> = columns.iter().map(|name| format!("`{name}`")).collect();
     let (many, are, have) = if names.len() > 1 { ("s", "are", "have") } else { ("", "is", "has") };
     let times =

@@ -4,14 +4,16 @@
 use super::declaration::File;
 use super::errors::errors;
 use super::fits::Fits;
+use super::mistaken::{Mistake, causes, mistakes, remedy};
 use super::model::Study;
 use super::prepared::Played;
-use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, Place, UNITS, causes, groups, multiply};
+use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, UNITS};
 use crate::Error;
 use crate::engine::fit::Fit;
 use crate::engine::settings::{MAX_ERROR_OF_OTHER_UNIT, MIN_FACTOR_OF_OTHER_UNIT};
 use crate::engine::stop;
 use crate::order::ascending;
+use crate::sign::of_spread;
 
 /// Ratio of the factors of outputs up to which one command may be the reason of all.
 const MAX_RATIO_OF_FACTORS: f64 = 1.2;
@@ -71,58 +73,68 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
     }
 }
 
-/// Refuses a study with windows whose sensors have a larger unit than its declared model, or its inputs a smaller one:
-/// windows start from measured values, so their size is that of the model, and the inputs do nothing.
+/// Refuses a study whose declared model follows its records only once a mistake in a column of all of them is undone:
+/// sensors in a larger unit than that of the model or inputs in a smaller one, another zero, two columns exchanged. With
+/// windows, which start from measured values, whatever the error is; else where it is large.
 ///
 /// # Errors
-/// Columns, factor, errors as it is and with the factor, and what to write.
-pub fn check_windows(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error> {
-    if study.windows.is_none() || stop::asked() {
+/// Columns, mistake, errors as it is and with it undone, and what to write.
+pub fn check_columns(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error> {
+    if stop::asked() {
         return Ok(());
     }
-    let stated = errors_in_windows(study, &declared.parameters);
+    let stated = errors_on_first(study, &declared.parameters);
+    // No number is a large error.
+    if study.windows.is_none() && stated.iter().all(|error| *error <= MAX_ERROR_OF_OTHER_UNIT) {
+        return Ok(());
+    }
     // Fits to columns of another unit may have led the free parameters anywhere; a fit for each unit takes too long.
     let mut parameters = vec![declared.parameters.clone()];
     parameters.extend((!study.declared_free().is_empty()).then(|| study.start()));
-    let mut found: Vec<(f64, Vec<Place>, f64, usize)> = Vec::new();
+    let mut found: Vec<(f64, Mistake, usize)> = Vec::new();
     let kept = study.records.clone();
-    for places in groups(study) {
+    let units = |drives: bool| UNITS.map(|unit| if drives { unit } else { 1.0 / unit }).to_vec();
+    for mistake in mistakes(study, &units) {
         if stop::asked() {
             return Ok(());
         }
-        let drives = places.iter().any(|place| place.0 == 0);
-        for unit in UNITS {
-            let factor = if drives { unit } else { 1.0 / unit };
-            multiply(&mut study.records, &places, factor);
-            for p in &parameters {
-                let other = errors_in_windows(study, p);
-                let all_as_good =
-                    other.iter().zip(&stated).all(|(own, stated)| *own <= MAX_RATIO_OF_AS_GOOD * stated);
-                let shows = |&o: &usize| {
-                    let other_unit = other[o] <= MAX_ERROR_OF_OTHER_UNIT;
-                    all_as_good && other_unit && other[o] <= MAX_RATIO_OF_MENDED * stated[o]
-                };
-                let most = (0..stated.len()).filter(shows).max_by(|&a, &b| stated[a].total_cmp(&stated[b]));
-                found.extend(most.map(|o| (other[o] / stated[o], places.clone(), factor, o)));
-            }
-            study.records.clone_from(&kept);
+        mistake.undo(&mut study.records);
+        for p in &parameters {
+            let other = errors_on_first(study, p);
+            let as_good = |(own, stated): (&f64, &f64)| {
+                *own <= MAX_RATIO_OF_AS_GOOD * stated || own.is_finite() && !stated.is_finite()
+            };
+            let all_as_good = other.iter().zip(&stated).all(as_good);
+            let shows = |&o: &usize| {
+                let mended = other[o] <= MAX_RATIO_OF_MENDED * stated[o] || !stated[o].is_finite();
+                all_as_good && other[o] <= MAX_ERROR_OF_OTHER_UNIT && mended
+            };
+            let most = (0..stated.len()).filter(shows).max_by(|&a, &b| stated[a].total_cmp(&stated[b]));
+            found.extend(most.map(|o| (other[o], mistake.clone(), o)));
         }
+        study.records.clone_from(&kept);
     }
     ascending(&mut found, |own| own.0);
     let Some(least) = found.first().map(|own| own.0) else { return Ok(()) };
     found.retain(|own| own.0 <= MAX_RATIO_OF_EQUALS * least);
-    let o = found[0].3;
+    let o = found[0].2;
+    let place = if study.windows.is_some() { "in windows the declared model" } else { "the declared model" };
+    let stated = match stated[o] {
+        error if error.is_finite() => {
+            format!("leaves an error of {} the spread of `{}`", of_spread(error), study.outputs[o].name)
+        }
+        _ => format!("cannot follow `{}`", study.outputs[o].name),
+    };
     Err(file.refuse_all(format!(
-        "{}: in windows the declared model leaves an error of {:.0} % of the spread of `{}`, and {:.0} % without that. Another unit? A column says it behind its name, as in `x [mm]`, or `unit` or `scale` where it is declared; else correct the model",
-        causes(study, found.iter().map(|own| (&own.1[..], own.2))),
-        100.0 * stated[o],
-        study.outputs[o].name,
-        100.0 * least * stated[o],
+        "{}: {place} {stated}, and {:.0} % without that. {}",
+        causes(study, found.iter().map(|own| &own.1)),
+        100.0 * least,
+        remedy(&found[0].1),
     )))
 }
 
 /// Errors of the declared model over the spread of the outputs on the first estimation records.
-fn errors_in_windows(study: &Study, p: &[f64]) -> Vec<f64> {
+fn errors_on_first(study: &Study, p: &[f64]) -> Vec<f64> {
     let fits = Fits::new(study, study.spreads());
     let pieces = &fits.pieces[..fits.pieces.len().min(RECORDS)];
     let found = errors(&fits, &[], pieces, p, None);

@@ -272,12 +272,8 @@ impl<'a> View<'a> {
         let held: Vec<bool> =
             study.held.iter().zip(&middles).map(|(own, middles)| *own && middles.is_none()).collect();
         let mut driven = Driven::new(&inputs, &middles, &held, (past, record.n));
-        let first_extra = plant.extra_first;
-        let show = |plant: &mut Plant, k: usize| {
-            for (slot, values) in extra.iter().enumerate() {
-                plant.slots[first_extra + slot] = values[k];
-            }
-        };
+        let held_signal = |index: usize| study.sensors.signals[2][index].as_ref().is_some_and(|own| own.hold);
+        let mut shown = Driven::further(&extra, held_signal, (plant.extra_first, record.n));
         let own = !self.begins.is_empty();
         let begin = self.begin(piece);
         blocks.time = begin as f64 * step;
@@ -307,7 +303,8 @@ impl<'a> View<'a> {
         let ahead = plant.communication_step().map_or(0.0, |own| 0.5 * own);
         driven.at(begin);
         driven.set(&mut plant.slots, ahead / step);
-        show(plant, begin);
+        shown.at(begin);
+        shown.set(&mut plant.slots, 0.0);
         let before = Before { inputs: &inputs, held: &held, end: past + begin, most: n, step };
         plant.initialize_after(&before, &given, &fixed, begin as f64 * step, &mut x, &pass)?;
         if own {
@@ -326,17 +323,19 @@ impl<'a> View<'a> {
             }
             let t = k as f64 * step;
             driven.at(k);
-            show(plant, k);
+            shown.at(k);
             // Sums of steps are not their multiples to the last bit.
             blocks.time = t;
             let at = |plant: &mut Plant, time: f64, x: &[f64], dx: &mut [f64], blocks: &Blocks| {
                 driven.set(&mut plant.slots, (time - t) / step);
+                shown.set(&mut plant.slots, (time - t) / step);
                 blocks.now.set(time);
                 plant.evaluate(time, x, dx, &|tap, value, slots| blocks.pass(tap, value, slots))
             };
             let event = |plant: &mut Plant, (time, state): (f64, bool), x: &mut [f64], blocks: &Blocks| {
                 // A slave holds a moving input at its mean over the communication step.
                 driven.set(&mut plant.slots, (time - t + ahead) / step);
+                shown.set(&mut plant.slots, (time - t) / step);
                 blocks.now.set(time);
                 plant.event((time, state), x, &|tap, value, slots| blocks.pass(tap, value, slots))
             };

@@ -1,7 +1,7 @@
 //! Attachments with their signals, units and declared friction resolved in the system.
 
 use super::Problem;
-use super::declaration::{Attachment, File};
+use super::declaration::{Attachment, File, Signal};
 use super::model::{Entry, Level, Tap};
 use super::names;
 use super::plant::{self, Plant};
@@ -65,7 +65,10 @@ pub(super) fn taps(
         if !(vt > 0.0 && vt.is_finite()) {
             return Err(refuse("vt must be above zero".into()));
         }
-        let unit = |name: &Option<String>| name.as_ref().and_then(|name| names::unit_of(graph, name));
+        let unit = |name: &Option<String>| {
+            let name = name.as_ref()?;
+            names::unit_of(graph, name).or_else(|| unit_of_signal(file, graph, name))
+        };
         let units =
             [Some(attachment.input.clone()), attachment.velocity.clone(), attachment.position.clone()];
         let usual = if pole { ["N m", "rad/s", "rad"] } else { ["N", "m/s", "m"] };
@@ -102,4 +105,22 @@ pub(super) fn taps(
         });
     }
     Ok(found)
+}
+
+/// Unit of a further signal of the study: that of its column, as the signal or an output made of the same column says
+/// it, by or times seconds where it is a derivative or an integral.
+fn unit_of_signal(file: &File, graph: &SystemGraph, name: &str) -> Option<String> {
+    let signal = file.declaration.signals.get(name)?.get_ref();
+    let column = signal.source()?;
+    let shown = || {
+        let (output, own) =
+            file.declaration.outputs.iter().find(|(_, own)| own.get_ref().column == *column)?;
+        own.get_ref().unit.clone().or_else(|| names::unit_of(graph, output))
+    };
+    let unit = signal.unit.clone().or_else(shown)?;
+    Some(match signal {
+        Signal { derivative_of: Some(_), .. } => format!("{unit}/s"),
+        Signal { integral_of: Some(_), .. } => format!("{unit} s"),
+        _ => unit,
+    })
 }

@@ -58,6 +58,7 @@ fn port(graph: &SystemGraph, sense: &Sense, integrals: &[Option<usize>], state: 
         velocity: (!fills).then(|| own.clone()),
         position: if fills { Some(own) } else { integrals[state].map(signal) },
         sign: 1.0,
+        against: None,
         drains_into: fed_by(sense, state, integrals).filter(|_| fills).map(signal),
         like: None,
         free: true,
