@@ -189,8 +189,8 @@ impl Finder<'_> {
         Some(Model { error: self.error(study, &model), ..model })
     }
 
-    /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else: that of the sensors, or
-    /// the white noise that hides as much as one that is not white.
+    /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else: that of the
+    /// sensors, or the white noise that hides as much as one that is not white.
     pub(super) fn noise_left(
         &self,
         study: &Study,

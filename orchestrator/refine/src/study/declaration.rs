@@ -61,8 +61,8 @@ pub struct Declaration {
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Value>")]
     pub parameters: BTreeMap<String, Spanned<Value>>,
-    /// How well declared parameters are known: one standard deviation relative to the value; without it by unit: masses,
-    /// lengths and others 0.01, friction 0.03, slopes of a friction law by speed 0.1.
+    /// How well declared parameters are known: one standard deviation relative to the value; without it by unit:
+    /// masses, lengths and others 0.01, friction 0.03, slopes of a friction law by speed 0.1.
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, f64>", extend("additionalProperties" = share()))]
     pub tolerance: BTreeMap<String, Spanned<f64>>,
@@ -248,9 +248,9 @@ pub struct Segment {
     pub file: String,
     /// Use of the segment.
     pub role: Role,
-    /// Where it begins in the file \[s\]; the beginning of the file without it. Delays, play and sampled components that
-    /// follow inputs alone remember what the file shows before, as long as the segment at most; where there is nothing
-    /// before, they have settled at the first value.
+    /// Where it begins in the file \[s\]; the beginning of the file without it. Delays, play and sampled components
+    /// that follow inputs alone remember what the file shows before, as long as the segment at most; where there is
+    /// nothing before, they have settled at the first value.
     #[serde(default)]
     pub from_s: Option<f64>,
     /// Where it ends in the file \[s\]; the end of the file without it.

@@ -1,5 +1,5 @@
-//! Recorded commands and further signals between two samples: held, on the straight line from one to the next, or on the parabola through
-//! both and what is known halfway.
+//! Recorded commands and further signals between two samples: held, on the straight line from one to the next, or on
+//! the parabola through both and what is known halfway.
 
 /// System inputs or further signals that have values.
 pub(super) struct Driven<'a> {

@@ -1,12 +1,12 @@
-//! Mistakes in the columns of records, undone one at a time to see whether the declared model follows then: another sign
-//! or unit, another zero, two columns exchanged.
+//! Mistakes in the columns of records, undone one at a time to see whether the declared model follows then: another
+//! sign or unit, another zero, two columns exchanged.
 
 use super::model::Study;
 use super::read::Record;
 use super::rescaled::{self, Place, columns, groups, multiply};
 
-/// Zeros that are mistaken for one another, by the unit of the signal: ice and absolute zero, vacuum and the air around;
-/// words for a column that begins above that of the model, and below.
+/// Zeros that are mistaken for one another, by the unit of the signal: ice and absolute zero, vacuum and the air
+/// around; words for a column that begins above that of the model, and below.
 const ZEROS: [(&str, f64, [&str; 2]); 4] = [
     ("K", 273.15, ["degC in place of K", "273.15 K added twice"]),
     ("degC", 273.15, ["273.15 K taken off twice", "K in place of degC"]),
@@ -99,8 +99,8 @@ pub fn causes<'a>(study: &Study, mistakes: impl Iterator<Item = &'a Mistake>) ->
     found.join(", or ")
 }
 
-/// Other units of one signal or column after the other, as `factors` gives them for signals that drive the system or are
-/// measured; other zeros; exchanged columns.
+/// Other units of one signal or column after the other, as `factors` gives them for signals that drive the system or
+/// are measured; other zeros; exchanged columns.
 pub fn mistakes(study: &Study, factors: &dyn Fn(bool) -> Vec<f64>) -> Vec<Mistake> {
     let mut found = Vec::new();
     for places in groups(study) {

@@ -1,5 +1,5 @@
-//! One record among several with a column of another sign, unit or zero, or with two exchanged: told before the search, which would mix it
-//! into every answer, or blame validation records for it.
+//! One record among several with a column of another sign, unit or zero, or with two exchanged: told before the
+//! search, which would mix it into every answer, or blame validation records for it.
 
 use super::declaration::{File, Role};
 use super::errors::errors;

@@ -74,8 +74,8 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
 }
 
 /// Refuses a study whose declared model follows its records only once a mistake in a column of all of them is undone:
-/// sensors in a larger unit than that of the model or inputs in a smaller one, another zero, two columns exchanged. With
-/// windows, which start from measured values, whatever the error is; else where it is large.
+/// sensors in a larger unit than that of the model or inputs in a smaller one, another zero, two columns exchanged.
+/// With windows, which start from measured values, whatever the error is; else where it is large.
 ///
 /// # Errors
 /// Columns, mistake, errors as it is and with it undone, and what to write.
