@@ -389,7 +389,7 @@ pub fn terms(axes: &[Axis]) -> Vec<Term> {
         if both {
             shapes.extend([Shape::Magnitude, Shape::Square, Shape::Sign, Shape::Peak, Shape::Power(5)]);
         } else {
-            shapes.extend([Shape::Decay, Shape::Root, Shape::Weir]);
+            shapes.extend([Shape::Decay, Shape::Root, Shape::Weir, Shape::Power(4)]);
         }
         if axis.name == "x" && both {
             shapes.extend([Shape::Root, Shape::Weir]);
