@@ -76,6 +76,10 @@ def kilowatts(_, rows):
     rows[:, 1] *= 1e-3
 
 
+def milliseconds(_, rows):
+    rows[:, 0] *= 1e3
+
+
 def exchanged(_, rows):
     rows[:, [2, 3]] = rows[:, [3, 2]]
 
@@ -91,6 +95,7 @@ def exchanged_of_one(k, rows):
         (celsius, ["columns `T1` and `T2` are 273.15 K too small (degC in place of K)", "`offset`"]),
         (celsius_of_one, ["r1.csv", "columns `T1` and `T2` are 273.15 K too small (degC in place of K)"]),
         (kilowatts, ["column `P` is 1000 times too small", "`unit`"]),
+        (milliseconds, ["samples 1000 s apart, are in milliseconds", "`time [ms]`"]),
         (exchanged_of_one, ["r3.csv", "columns `T1` and `T2` are exchanged"]),
     ],
 )
@@ -177,6 +182,36 @@ def test_friction_between_two_bodies_is_found_over_a_signal_of_their_gap_and_its
     assert all(own["coef"]["unit"] in ("N s/m", "N.s/m") for own in others), others
     # The friction changes its sign within a step.
     amended_has_printed_errors(path, out, found, rel=6e-2)
+
+
+ROTOR = System(
+    "rotor",
+    0.01,
+    1.0,
+    1,
+    states={"w": ("rad/s", 0.0, "")},
+    inputs={"i": ("A", 0.0)},
+    parameters={"k": (2.0, "N.m/A", 0.01), "b": (0.5, "N.m.s/rad", 0.01), "J": (0.2, "kg.m2", 0.01)},
+    measured={},
+    ports={},
+    excite=None,
+    start={},
+)
+
+
+def test_a_command_that_is_no_force_is_told_where_forces_have_a_place(tmp_path):
+    build(ROTOR, "der_w = (k * i - b * w) / J;\n", tmp_path)
+    text = 'system = "rotor.fmu"\n[inputs]\ni = { column = "i", hold = true }\n[outputs]\nw = { column = "w" }\n'
+    for k in range(2):
+        draw = np.random.default_rng(30 + k)
+        current = np.repeat(draw.uniform(-1, 1, 20), 50)
+        w = simulated(lambda w, i: (2.0 * i - 0.5 * w) / 0.2, np.zeros(1), current, 0.01, 4)[:, 0]
+        rows = np.column_stack([0.01 * np.arange(1000), current, w + draw.normal(0, 1e-3, 1000)])
+        np.savetxt(tmp_path / f"r{k}.csv", rows, fmt="%.7g", delimiter=",", header="time,i,w", comments="")
+        text += f'[[segment]]\nfile = "r{k}.csv"\nrole = "{"validation" if k else "estimation"}"\ninitial = "fit"\n'
+    (tmp_path / "study.toml").write_text(text)
+    found = airloop("refine", tmp_path / "study.toml", "--plan")
+    assert "`i` moves `w` and is no force" in found and 'input = "der(w)"' in found
 
 
 SHIP_EQUATIONS = """der_r = (K * delta - r) / T;

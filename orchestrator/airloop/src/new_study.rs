@@ -152,7 +152,7 @@ struct Pair {
     column: String,
     /// Unit of the column where it is another.
     column_unit: Option<String>,
-    /// Discrete, no Real, or the input of a system that samples: held between samples.
+    /// Discrete, no Real, the input of a system that samples, or a column of steps: held between samples.
     held: bool,
     /// Name as a state, where it is one.
     state: Option<String>,
@@ -213,7 +213,9 @@ impl Matched {
         let sampled = is_sampled(graph);
         let with_inputs = graph.inputs.iter().enumerate().filter_map(|(index, one)| {
             let channel = column_of(&one.name)?;
-            Some(pair(&one.name, &one.unit, channel, sampled || graph.input_is_held(index), None))
+            let stepped = || records.iter().filter_map(|(_, own)| own.channel(&channel.name)).any(is_stepped);
+            let held = sampled || graph.input_is_held(index) || stepped();
+            Some(pair(&one.name, &one.unit, channel, held, None))
         });
         let with_outputs =
             graph.outputs.iter().filter(|one| one.data_type != DataType::String).filter_map(|one| {
@@ -258,6 +260,26 @@ fn is_sampled(graph: &SystemGraph) -> bool {
         Source::Input(_) => false,
     };
     !graph.outputs.is_empty() && graph.outputs.iter().all(|one| discrete(&one.source))
+}
+
+/// Shortest mean plateau of a column of steps \[samples\].
+const MIN_PLATEAU: usize = 5;
+/// Fewest steps, and the middle one of their sizes over the range of the column: a slow sensor of coarse resolution goes
+/// in smaller ones.
+const MIN_STEPS: usize = 3;
+const MIN_STEP_OVER_RANGE: f64 = 0.05;
+
+/// Whether a column goes in steps and stays where it is between them, as a command of a computer does.
+fn is_stepped(channel: &Channel) -> bool {
+    let values = &channel.values;
+    let mut steps: Vec<f64> =
+        values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step != 0.0).collect();
+    if steps.len() < MIN_STEPS || steps.len() * MIN_PLATEAU > values.len() {
+        return false;
+    }
+    steps.sort_by(f64::total_cmp);
+    let (least, most) = values.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+    steps[steps.len() / 2] >= MIN_STEP_OVER_RANGE * (most - least)
 }
 
 /// Which of several records are for validation: those whose names say so, else the last of every kind (names that
@@ -513,6 +535,18 @@ mod tests {
     fn chosen(names: &[&str]) -> Vec<usize> {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         validation(&names).into_iter().enumerate().filter_map(|(index, own)| own.then_some(index)).collect()
+    }
+
+    #[test]
+    fn a_column_of_steps_is_a_command_that_is_held() {
+        let channel = |values: Vec<f64>| Channel { name: "u".into(), unit: None, values, words: false };
+        let steps = (0..200).map(|k| [0.0, 3.0, -1.0, 2.0, 0.5][k / 40]).collect();
+        assert!(is_stepped(&channel(steps)));
+        let sine = (0..200).map(|k| (0.1 * k as f64).sin());
+        assert!(!is_stepped(&channel(sine.clone().collect())));
+        // A slow signal in the steps of its resolution.
+        assert!(!is_stepped(&channel((0..2000).map(|k| (0.02 * k as f64).floor() * 0.1).collect())));
+        assert!(!is_stepped(&channel(vec![1.0; 200])));
     }
 
     #[test]

@@ -288,11 +288,15 @@ impl Finder<'_> {
         let Some(best) = tried.first().filter(|own| own.formula.terms.len() > 1 && !found.is_empty()) else {
             return;
         };
+        // Fits in units of the noise know nothing of a share.
+        let is_share_alone = self.aim.is_share() && self.beside.is_empty();
+        if is_share_alone && !self.may_leave_noise(judge, &best.model) {
+            return;
+        }
         let (formula, share) = (best.formula.clone(), best.share);
         let mut beside = Vec::new();
         beside.extend(self.exact(study, (declared, &found), place, &formula, share));
-        // Fits in units of the noise know nothing of a share.
-        if self.aim.is_share() && self.beside.is_empty() {
+        if is_share_alone {
             beside.retain(|own| self.noise_left(study, judge, &found, &own.model).is_some());
         }
         self.prune(study, (declared, &found), place, &mut beside);

@@ -28,6 +28,9 @@ const MAX_ERROR_OF_FREE_FORM_OF_SHARE: f64 = 3.0;
 /// Ratio of the error without an effect to that with it, up to which the law beside it does without it.
 const MAX_ERROR_WITHOUT: f64 = 1.01;
 
+/// Error in multiples of that of white noise above which no noise of a sensor is what a law leaves.
+const MAX_FLOORS_OF_NOISE: f64 = 10.0;
+
 /// Where a law is looked for, and what it may leave.
 pub(super) struct Scope<'a> {
     /// Errors on validation records of the model that lacks the law.
@@ -187,6 +190,11 @@ impl Finder<'_> {
         let fits = self.fits_in_noise(study, corrections.to_vec());
         let model = fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals)?;
         Some(Model { error: self.error(study, &model), ..model })
+    }
+
+    /// Whether a model leaves so little that it may be noise of the sensors, white or not.
+    pub(super) fn may_leave_noise(&self, judge: &Judge, model: &Model) -> bool {
+        judge.floors(model.error.powi(2)) < MAX_FLOORS_OF_NOISE
     }
 
     /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else: that of the

@@ -360,7 +360,7 @@ impl Finder<'_> {
             Aim::Share { .. } if self.beside.is_empty() && judge.explained(&fits, &model) => {
                 Some((self.corrections.clone(), explain::noises(study)))
             }
-            Aim::Share { .. } if model.error < self.max_error => {
+            Aim::Share { .. } if model.error < self.max_error && self.may_leave_noise(judge, &model) => {
                 let own = self.in_noise(study, &all, &model);
                 own.and_then(|own| self.noise_left(study, judge, &all, &own)).map(|scale| (all, scale))
             }

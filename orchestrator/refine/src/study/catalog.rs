@@ -252,6 +252,7 @@ fn blocks_at(
     let names: Vec<String> = study.entries[..study.declared].iter().map(|entry| entry.name.clone()).collect();
     let free = |name: &Option<String>| name.as_ref().is_some_and(|name| names.contains(name));
     let duration = study.range(tap, Variable::Time).1;
+    let asked_of_all = channel.is_empty() && attachment.effects.is_none();
     for kind in list.iter().filter(|kind| wanted(attachment, kind.id)) {
         if declared_twin(attachment, kind.law, &free) {
             continue;
@@ -260,6 +261,9 @@ fn blocks_at(
             // Nobody asks for an overflow of what is no flow, nor for friction under a load where none passes.
             Err(_) if is_of_level(kind.law) && ports::kind(&study.taps[tap].units[0]) != PortKind::Flow => {}
             Err(_) if kind.law == Law::Load && ranges[4] == (0.0, 0.0) => {}
+            // Nor for a share of a pressure where none is named.
+            Err(_) if kind.law == Law::Pressure && asked_of_all && attachment.pressure_force.is_none() => {}
+            Err(_) if kind.law == Law::Area && asked_of_all && attachment.pressure.is_none() => {}
             Err(why) => study.not_testable.push((format!("{}@{}", kind.id, attachment.input), why.into())),
             Ok(starts) => push(study, kind, channel, tap, starts),
         }

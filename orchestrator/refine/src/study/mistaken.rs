@@ -16,6 +16,9 @@ const ZEROS: [(&str, f64, [&str; 2]); 4] = [
 /// Outputs up to which columns are exchanged in pairs.
 const MAX_EXCHANGED_OUTPUTS: usize = 6;
 
+/// Step \[s\] from which on times may be in milliseconds.
+pub const MIN_STEP_OF_MILLISECONDS: f64 = 0.5;
+
 /// A mistake in the columns of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mistake {
@@ -25,12 +28,15 @@ pub enum Mistake {
     Zero(Vec<Place>, f64),
     /// Signals of two columns, each in the place of the other.
     Exchange(Vec<(Place, Place)>),
+    /// Times in milliseconds that were taken for seconds.
+    Milliseconds,
 }
 
 impl Mistake {
     /// Undoes the mistake in records.
     pub fn undo(&self, records: &mut [Record]) {
         match self {
+            Mistake::Milliseconds => records.iter_mut().for_each(|record| record.step *= 1e-3),
             Mistake::Factor(places, factor) => multiply(records, places, *factor),
             Mistake::Zero(places, by) => {
                 for record in records {
@@ -58,6 +64,10 @@ impl Mistake {
     pub fn words(&self, study: &Study) -> String {
         let named = |places: &[Place]| columns(study, places);
         match self {
+            Mistake::Milliseconds => {
+                let step = study.records.first().map_or(0.0, |record| record.step);
+                format!("the times of the records, samples {step} s apart, are in milliseconds")
+            }
             Mistake::Factor(places, factor) => rescaled::cause(&named(places), *factor),
             Mistake::Zero(places, by) => {
                 let unit = places.first().and_then(|place| unit(study, *place)).unwrap_or_default();
@@ -82,6 +92,9 @@ pub fn remedy(mistake: &Mistake) -> &'static str {
     match mistake {
         Mistake::Factor(..) | Mistake::Zero(..) => {
             "Another unit? A column says it behind its name, as in `x [mm]`, or `unit`, `scale` or `offset` where it is declared; else correct the model"
+        }
+        Mistake::Milliseconds => {
+            "A column says its unit behind its name, as in `time [ms]`; else correct the model"
         }
         Mistake::Exchange(_) => "Name each column at its own output and state; else correct the model",
     }

@@ -303,7 +303,8 @@ fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
     (0..sense.exact.len()).filter(|_| moves).find(same)
 }
 
-fn is_speed(graph: &SystemGraph, name: &str) -> bool {
+/// Whether the unit of a signal is that of a velocity.
+pub(super) fn is_speed(graph: &SystemGraph, name: &str) -> bool {
     names::unit_of(graph, name).and_then(|unit| lookup(&unit)).is_some_and(|unit| is_rate(&unit))
 }
 

@@ -5,6 +5,7 @@ use super::declaration::{Attachment, File, Role};
 use super::fits::{Fits, pieces};
 use super::horizon;
 use super::integration;
+use super::mistaken::MIN_STEP_OF_MILLISECONDS;
 use super::model::Study;
 use super::observability;
 use super::odd_record;
@@ -21,9 +22,6 @@ use crate::Error;
 use crate::engine::System;
 use crate::engine::fit::Fit;
 use crate::vocabulary::attach;
-
-/// Step \[s\] from which on the time of a file that a model cannot follow may be in milliseconds.
-const MIN_STEP_OF_MILLISECONDS: f64 = 0.5;
 
 /// A study before the search.
 pub struct Prepared {

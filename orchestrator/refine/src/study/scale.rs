@@ -4,7 +4,7 @@
 use super::declaration::File;
 use super::errors::errors;
 use super::fits::Fits;
-use super::mistaken::{Mistake, causes, mistakes, remedy};
+use super::mistaken::{MIN_STEP_OF_MILLISECONDS, Mistake, causes, mistakes, remedy};
 use super::model::Study;
 use super::prepared::Played;
 use super::rescaled::{MAX_RATIO_OF_EQUALS, MAX_RATIO_OF_MENDED, UNITS};
@@ -94,7 +94,9 @@ pub fn check_columns(file: &File, study: &mut Study, declared: &Fit) -> Result<(
     let mut found: Vec<(f64, Mistake, usize)> = Vec::new();
     let kept = study.records.clone();
     let units = |drives: bool| UNITS.map(|unit| if drives { unit } else { 1.0 / unit }).to_vec();
-    for mistake in mistakes(study, &units) {
+    let slow = study.records.iter().all(|record| record.step >= MIN_STEP_OF_MILLISECONDS);
+    let times = (slow && study.windows.is_none()).then_some(Mistake::Milliseconds);
+    for mistake in mistakes(study, &units).into_iter().chain(times) {
         if stop::asked() {
             return Ok(());
         }
