@@ -264,8 +264,8 @@ fn is_sampled(graph: &SystemGraph) -> bool {
 
 /// Shortest mean plateau of a column of steps \[samples\].
 const MIN_PLATEAU: usize = 5;
-/// Fewest steps, and the middle one of their sizes over the range of the column: a slow sensor of coarse resolution goes
-/// in smaller ones.
+/// Fewest steps, and the middle one of their sizes over the range of the column: a slow sensor of coarse resolution
+/// goes in smaller ones.
 const MIN_STEPS: usize = 3;
 const MIN_STEP_OVER_RANGE: f64 = 0.05;
 
@@ -530,7 +530,9 @@ fn parameters(graph: &SystemGraph) -> Vec<(String, String, Option<String>)> {
 
 #[cfg(test)]
 mod tests {
-    use super::validation;
+    use airloop_series::Channel;
+
+    use super::{is_stepped, validation};
 
     fn chosen(names: &[&str]) -> Vec<usize> {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
