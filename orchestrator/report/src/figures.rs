@@ -5,7 +5,7 @@ use super::{names, words};
 use airloop_refine::answer::Answer;
 use airloop_refine::evidence::{Correlation, Curve, Dependence, Evidence, Port, Record};
 use airloop_refine::law::found::Law;
-use airloop_refine::vocabulary::own::VARIABLES;
+use airloop_refine::vocabulary::own::{Own, VARIABLES};
 
 /// Size of a chart over the whole width, and of one of a pair \[px\].
 const FULL_WIDTH_SIZE: (f64, f64) = (920.0, 230.0);
@@ -118,7 +118,7 @@ pub fn law(law: &Law) -> Option<String> {
     let value = |at: f64| {
         let mut variables = [0.0; 4];
         variables[place] = at;
-        own.value(variables, &[0.0; 3], &p)
+        taken_off(own, variables, &p)
     };
     let (first, last) = (law.curve.first()?[0], law.curve.last()?[0]);
     let points = (0..=200).map(|k| first + (last - first) * f64::from(k) / 200.0);
@@ -146,6 +146,17 @@ pub fn law(law: &Law) -> Option<String> {
         linked: None,
     };
     Some(chart.svg())
+}
+
+/// Amount that the formula of a law takes off at its port, as its free form counts it: at a signal or command the
+/// formula says what is left of it.
+fn taken_off(own: &Own, variables: [f64; 4], p: &[f64]) -> f64 {
+    let (value, passes) = (own.value(variables, &[0.0; 3], p), variables[2]);
+    match own.port.replaces() {
+        false => value,
+        true if own.formula.starts_with("f + (") => value - passes,
+        true => passes - value,
+    }
 }
 
 /// Autocorrelation of one signal.
@@ -219,5 +230,19 @@ mod tests {
         assert!(points.len() <= MAX_DRAWN_POINTS && points.windows(2).all(|pair| pair[0].0 < pair[1].0));
         assert!(points.contains(&(27_160.5, 50.0)) && points.contains(&(38_888.5, -50.0)));
         assert_eq!(thinned(&values[..5], 1.0).len(), 5);
+    }
+
+    #[test]
+    fn a_law_is_drawn_as_its_free_form_counts_it() {
+        let taken = |port: &str, formula: &str| {
+            let text = format!(
+                "kind = \"law\"\nport = {port:?}\nformula = {formula:?}\n[parameters]\na = {{ unit = \"N\", start = 2.0 }}\n"
+            );
+            let text = if port == "force" { text } else { text.replace("\"N\"", "\"1\"") };
+            taken_off(&Own::read(&text).unwrap(), [0.0, 0.0, 5.0, 0.0], &[2.0])
+        };
+        assert_eq!(taken("force", "a"), 2.0);
+        assert_eq!(taken("signal", "f - (a)"), 2.0);
+        assert_eq!(taken("signal", "f + (a)"), 2.0);
     }
 }

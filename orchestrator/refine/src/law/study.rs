@@ -83,7 +83,8 @@ pub struct InPlace {
 }
 
 /// Puts a law into an answer that found nothing to name, or effects that leave much. `base`: the declared model with
-/// its corrections, beside which the law is fitted. Without a law the study stays as it is.
+/// its corrections, beside which the law is fitted; where it leaves noise declared parameters are corrected by up to
+/// `max_tolerances` of their tolerances. Without a law the study stays as it is.
 pub fn explain(
     study: &mut Study,
     scale: &[f64],
@@ -356,21 +357,22 @@ impl Finder<'_> {
         // the noise.
         let all = corrections(study, self.max_tolerances);
         let in_noise = match self.aim {
-            Aim::Noise => Some((all, explain::noises(study))),
+            Aim::Noise => Some((all, explain::noises(study), model.clone())),
             Aim::Share { .. } if self.beside.is_empty() && judge.explained(&fits, &model) => {
-                Some((self.corrections.clone(), explain::noises(study)))
+                Some((self.corrections.clone(), explain::noises(study), model.clone()))
             }
             Aim::Share { .. } if model.error < self.max_error && self.may_leave_noise(judge, &model) => {
                 let own = self.in_noise(study, &all, &model);
-                own.and_then(|own| self.noise_left(study, judge, &all, &own)).map(|scale| (all, scale))
+                own.and_then(|own| Some((self.noise_left(study, judge, &all, &own)?, own)))
+                    .map(|(scale, own)| (all, scale, own))
             }
             Aim::Share { .. } => None,
         };
         let is_in_noise = in_noise.is_some();
-        if let Some((corrections, scale)) = in_noise {
+        if let Some((corrections, scale, start)) = in_noise {
             fits = Fits { corrections, ..Fits::new(study, scale) };
-            model =
-                fits.fit_from(model.added.clone(), &model.fit.parameters, &model.fit.locals).unwrap_or(model);
+            let fitted = fits.fit_from(start.added, &start.fit.parameters, &start.fit.locals);
+            model = fitted.unwrap_or(model);
         }
         model = self.needed(&fits, model);
         let declared = extended(declared, study);

@@ -26,8 +26,13 @@ pub enum Mistake {
     Factor(Vec<Place>, f64),
     /// Signals that need an addend \[unit of the signal\].
     Zero(Vec<Place>, f64),
-    /// Signals of two columns, each in the place of the other.
-    Exchange(Vec<(Place, Place)>),
+    /// Columns of two outputs, each in the place of the other, and those of the two states that they show.
+    Exchange {
+        /// Outputs.
+        outputs: [usize; 2],
+        /// States, where both columns show one.
+        states: Option<[usize; 2]>,
+    },
     /// Times in milliseconds that were taken for seconds.
     Milliseconds,
 }
@@ -45,16 +50,10 @@ impl Mistake {
                     }
                 }
             }
-            Mistake::Exchange(pairs) => {
+            Mistake::Exchange { outputs, states } => {
                 for record in records {
-                    for &(one, other) in pairs {
-                        let own = values(record, one).map(std::mem::take);
-                        let Some(own) = own else { continue };
-                        let taken = values(record, other).map(|values| std::mem::replace(values, own));
-                        if let (Some(values), Some(taken)) = (values(record, one), taken) {
-                            *values = taken;
-                        }
-                    }
+                    record.outputs.swap(outputs[0], outputs[1]);
+                    states.iter().for_each(|states| record.states.swap(states[0], states[1]));
                 }
             }
         }
@@ -78,10 +77,9 @@ impl Mistake {
                 let side = if *by > 0.0 { "small" } else { "large" };
                 format!("column{many} {} {are} {} {unit} too {side} ({cause})", names.join(" and "), by.abs())
             }
-            Mistake::Exchange(pairs) => {
-                let ends = pairs.first().map(|&(one, other)| (named(&[one]), named(&[other])));
-                let (one, other) = ends.unwrap_or_default();
-                format!("columns `{}` and `{}` are exchanged", one.join(""), other.join(""))
+            Mistake::Exchange { outputs, .. } => {
+                let [one, other] = outputs.map(|output| &study.outputs[output].name);
+                format!("columns `{one}` and `{other}` are exchanged")
             }
         }
     }
@@ -96,7 +94,7 @@ pub fn remedy(mistake: &Mistake) -> &'static str {
         Mistake::Milliseconds => {
             "A column says its unit behind its name, as in `time [ms]`; else correct the model"
         }
-        Mistake::Exchange(_) => "Name each column at its own output and state; else correct the model",
+        Mistake::Exchange { .. } => "Name each column at its own output and state; else correct the model",
     }
 }
 
@@ -149,18 +147,15 @@ pub fn mistakes(study: &Study, factors: &dyn Fn(bool) -> Vec<f64>) -> Vec<Mistak
     found
 }
 
-/// The columns of two outputs in the place of each other, with the states that they show; none where they share a
-/// column.
+/// The columns of two outputs in the place of each other; none where they share a column.
 fn exchanged(study: &Study, one: usize, other: usize) -> Option<Mistake> {
-    let names = [one, other].map(|output| columns(study, &[(3, output)]));
-    if names[0] == names[1] || names.iter().any(Vec::is_empty) {
-        return None;
-    }
-    let mut pairs = vec![((3, one), (3, other))];
-    let states = 0..study.sensors.signals[1].len();
-    let shows = |name: &Vec<String>| states.clone().find(|state| columns(study, &[(1, *state)]) == *name);
-    pairs.extend(shows(&names[0]).zip(shows(&names[1])).map(|(a, b)| ((1, a), (1, b))));
-    Some(Mistake::Exchange(pairs))
+    let [a, b] = [one, other].map(|output| &study.outputs[output].name);
+    let state = |column: &String| {
+        let signals = &study.sensors.signals[1];
+        signals.iter().position(|own| own.as_ref().is_some_and(|own| own.column.as_ref() == Some(column)))
+    };
+    let states = state(a).zip(state(b)).map(|(a, b)| [a, b]);
+    (a != b).then_some(Mistake::Exchange { outputs: [one, other], states })
 }
 
 /// Unit of a state or an output.

@@ -300,8 +300,7 @@ pub fn open(file: &File) -> Result<(Study, Vec<Attachment>), Error> {
     let layout = layout(file, &graph, &plant)?;
     let mut notes = file.notes.clone();
     notes.extend(slaves.clone());
-    notes.extend(attachments.iter().filter_map(between_bodies));
-    notes.extend(attachments.iter().filter_map(|own| without_forces(own, &attachments, &graph)));
+    notes.extend(ports::hints(&attachments, &graph));
     let mut records = read::records(file, &layout, slaves.is_some(), &mut notes)?;
     if let Some(window) = declaration.error.windows_s {
         for record in &mut records {
@@ -522,28 +521,4 @@ fn declaration_holds(file: &File, graph: &SystemGraph) -> Vec<bool> {
             || file.declaration.inputs.get(&input.name).is_some_and(|signal| signal.get_ref().hold)
     };
     graph.inputs.iter().enumerate().map(hold).collect()
-}
-
-/// A sentence on a command that moves a velocity and is no force, where forces have no place.
-fn without_forces(own: &Attachment, all: &[Attachment], graph: &SystemGraph) -> Option<String> {
-    let velocity = own.position.as_ref().filter(|name| ports::is_speed(graph, name))?;
-    let is_found = own.channels.is_empty() && own.effects.is_none();
-    let is_force = matches!(own.port?.kind, ports::Kind::Mechanical | ports::Kind::Electrical);
-    let rate = format!("der({velocity})");
-    if !is_found || is_force || all.iter().any(|other| other.input == rate) {
-        return None;
-    }
-    Some(format!(
-        "`{0}` moves `{velocity}` and is no force, so friction and drag along `{velocity}` are not looked for there. They have a place at its rate: [[attachment]] with input = \"{rate}\", beside one with input = \"{0}\" for what that lacks.",
-        own.input
-    ))
-}
-
-/// A sentence on a force between two bodies, whose friction and stops go by how these move against each other.
-fn between_bodies(own: &Attachment) -> Option<String> {
-    let (velocity, against) = (own.velocity.as_ref()?, own.against.as_ref()?);
-    Some(format!(
-        "`{0}` moves `{velocity}` one way and `{against}` the other: a force between two bodies. Its effects are looked for over `{velocity}` alone. What depends on how the bodies move against each other, such as friction or a stop between them, needs that motion stated: [[attachment]] with input = \"{0}\" and as velocity and position signals of the difference, for example [signals] gap_rate = {{ derivative_of = \"COLUMN\" }} of a column that shows the gap.",
-        own.input
-    ))
 }

@@ -10,7 +10,10 @@
 use airloop_series::compound_unit;
 use airloop_series::units::{Exponents, Unit, lookup};
 
+mod hints;
 mod rates;
+
+pub use hints::hints;
 
 use super::Problem;
 use super::declaration::{Attachment, File};
@@ -304,7 +307,7 @@ fn integral(sense: &Sense, velocity: usize) -> Option<usize> {
 }
 
 /// Whether the unit of a signal is that of a velocity.
-pub(super) fn is_speed(graph: &SystemGraph, name: &str) -> bool {
+fn is_speed(graph: &SystemGraph, name: &str) -> bool {
     names::unit_of(graph, name).and_then(|unit| lookup(&unit)).is_some_and(|unit| is_rate(&unit))
 }
 

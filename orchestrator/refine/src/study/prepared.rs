@@ -50,7 +50,7 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     if let Ok((played, declared)) = &fitted {
         odd_record::check(file, &mut study, declared)?;
         if study.windows.is_some() {
-            scale::check_columns(file, &mut study, declared)?;
+            scale::check_columns(file, &mut study, declared, played)?;
         }
         horizon::check(file, &study, declared, played)?;
     }
@@ -59,7 +59,7 @@ pub fn prepared(file: &File, least_substeps: usize, say: Say) -> Result<Prepared
     scale::check(file, &study, &played)?;
     settled::check(file, &study, &played)?;
     if study.windows.is_none() {
-        scale::check_columns(file, &mut study, &declared)?;
+        scale::check_columns(file, &mut study, &declared, &played)?;
     }
     spiked::silence(&mut study, &declared);
     study.starts = starts::starts(&study, &[], &declared.parameters);

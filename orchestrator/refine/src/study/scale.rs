@@ -79,15 +79,14 @@ pub fn check(file: &File, study: &Study, played: &[Played]) -> Result<(), Error>
 ///
 /// # Errors
 /// Columns, mistake, errors as it is and with it undone, and what to write.
-pub fn check_columns(file: &File, study: &mut Study, declared: &Fit) -> Result<(), Error> {
-    if stop::asked() {
+pub fn check_columns(file: &File, study: &mut Study, declared: &Fit, played: &[Played]) -> Result<(), Error> {
+    let outputs = study.outputs.len();
+    let first = &played[..played.len().min(RECORDS)];
+    let is_far = (0..outputs).any(|o| error(first, o, outputs) > MAX_ERROR_OF_OTHER_UNIT);
+    if study.windows.is_none() && !is_far || stop::asked() {
         return Ok(());
     }
     let stated = errors_on_first(study, &declared.parameters);
-    // No number is a large error.
-    if study.windows.is_none() && stated.iter().all(|error| *error <= MAX_ERROR_OF_OTHER_UNIT) {
-        return Ok(());
-    }
     // Fits to columns of another unit may have led the free parameters anywhere; a fit for each unit takes too long.
     let mut parameters = vec![declared.parameters.clone()];
     parameters.extend((!study.declared_free().is_empty()).then(|| study.start()));
@@ -141,6 +140,18 @@ fn errors_on_first(study: &Study, p: &[f64]) -> Vec<f64> {
     let pieces = &fits.pieces[..fits.pieces.len().min(RECORDS)];
     let found = errors(&fits, &[], pieces, p, None);
     study.outputs.iter().map(|output| found.nrmse.get(&output.name).copied().unwrap_or(0.0)).collect()
+}
+
+/// Error of the declared model over the spread of an output.
+fn error(played: &[Played], output: usize, outputs: usize) -> f64 {
+    let (mut left, mut spread) = (0.0, 0.0);
+    for own in played {
+        let [given, measured] = own.output(output, outputs);
+        let mean = measured.iter().sum::<f64>() / measured.len().max(1) as f64;
+        left += given.iter().zip(measured).map(|(m, y)| (y - m).powi(2)).sum::<f64>();
+        spread += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+    }
+    (left / spread).sqrt()
 }
 
 /// Least squares of an output over what the model gives, each about its mean on the second half of every record.
