@@ -20,7 +20,7 @@ test: check          ## everything CI runs: checks, FMUs, Rust tests, FMI tests
 
 test-slow: fmu       ## searches of minutes that `make test` leaves out
 	scripts/setup.sh test
-	AIRLOOP=target/release/airloop .venv/bin/python -m pytest -m slow tests/fmpy
+	AIRLOOP=target/release/airloop .venv/bin/python -m pytest -m slow -o faulthandler_timeout=3600 tests/fmpy
 
 export AIRLOOP_WHEEL_PROFILE ?= release
 wheel: setup-build   ## the Python package, with program and FMUs: out/wheel/airloop-*.whl

@@ -168,7 +168,7 @@ def changed(case, folder, dropped, changes):
     "case, dropped, changes, code, verdict",
     [
         ("v05", (), {}, 10, "none"),
-        ("v11", (), {}, 13, "law"),
+        pytest.param("v11", (), {}, 13, "law", marks=pytest.mark.slow),
         # Viscous friction that the declared piston lacks: without forces it might be the cart's as well.
         ("v05", ("F_hat", "F_p"), {"c4 = 49.2734": "c4 = 46.2734"}, 12, "effect"),
         ("v02", (), {}, 0, "effect"),

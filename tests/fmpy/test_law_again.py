@@ -81,12 +81,14 @@ def found(tmp_path_factory):
     return read("out"), read("again")
 
 
+@pytest.mark.slow
 def test_the_product_is_found_with_its_coefficient(found):
     law = found[0]["law"]
     assert law["formula"] == "a*x^2*v" and law["port"] == "F"
     assert law["params"]["a"]["value"] == pytest.approx(WEAKENING, rel=0.02)
 
 
+@pytest.mark.slow
 def test_its_file_explains_other_records_with_the_same_coefficient(found):
     selected = [effect for effect in found[1]["effects"] if effect["selected"]]
     assert [effect["id"].split("@")[0] for effect in selected] == ["law"]

@@ -45,6 +45,7 @@ def test_tanks_that_run_over_get_no_offset_larger_than_their_command(tmp_path):
     assert found and not [name for name in found if name.startswith("offset")]
 
 
+@pytest.mark.slow
 def test_a_part_of_what_runs_over_is_found_in_the_lower_tank_and_the_amended_system_has_it(tmp_path):
     # Levels above the brim of the upper tank do not last: a block that is faster than the step of the records.
     truth, report = refined("tanks_03", tmp_path, seed=4001)
@@ -58,7 +59,7 @@ def test_a_part_of_what_runs_over_is_found_in_the_lower_tank_and_the_amended_sys
     assert float(found[found.index("level") + 1]) == pytest.approx(left, rel=1e-3), again.stdout + again.stderr
 
 
-@pytest.mark.parametrize("name", ["tanks_01", "tanks_09"])
+@pytest.mark.parametrize("name", [pytest.param("tanks_01", marks=pytest.mark.slow), "tanks_09"])
 def test_tanks_without_an_input_for_a_flow_get_one_in_the_amended_system(tmp_path, name):
     # The FMU has the command of the pump alone: what the lower tank catches comes in at the rate of its level.
     truth, report = refined(name, tmp_path, seed=4001)

@@ -156,7 +156,7 @@ parameters.w = { unit = "m/s", start = [0.1, 1.0], bounds = [1e-3, 1e2] }
 """
 
 
-@pytest.mark.parametrize("dissipative", [False, True])
+@pytest.mark.parametrize("dissipative", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_effect_that_must_take_energy_is_not_one_that_gives_some(tmp_path, dissipative):
     def rate(y, force):
         return np.array([y[1], (force - DAMPING * y[1] + 0.4 * y[1] ** 3 / (0.09 + y[1] ** 2)) / MASS])

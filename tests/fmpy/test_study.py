@@ -273,6 +273,7 @@ def test_the_page_of_a_study_has_its_charts(answered, whole):
     assert whole["localization"][0]["compared_with"] == "angle"
 
 
+@pytest.mark.slow
 def test_free_pendulum(tmp_path):
     found = measured("pendulum_free_swing", tmp_path)
     assert set(named(found)) == {"pole.coulomb", "pole.quaddrag"}
@@ -283,6 +284,7 @@ def test_free_pendulum(tmp_path):
     assert found["noise_floor"]["angle"] >= 0.000157 / 12**0.5
 
 
+@pytest.mark.slow
 def test_free_pendulum_with_its_declared_inertia_and_damping(tmp_path):
     """The authors' damping is that of a model with nothing else: dry friction and drag are found in its place."""
     if not MEASURED.exists():
@@ -326,6 +328,7 @@ viscous = "b"
         assert max(low, other_low) < min(high, other_high)
 
 
+@pytest.mark.slow
 def test_seal(tmp_path):
     found = measured("pneumatic_seal_friction", tmp_path)
     # Presliding takes the place of act.area and a third effect at the same error.
@@ -335,6 +338,7 @@ def test_seal(tmp_path):
     assert found["residual"]["validation"]["rms_after"]["force"] <= 0.88
 
 
+@pytest.mark.slow
 def test_linear_axis(tmp_path):
     """The same two effects at the step of the records and at two longer ones, each inside the other's intervals."""
     folder = MEASURED / "linear_axis_emps"

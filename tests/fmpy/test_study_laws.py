@@ -38,7 +38,7 @@ def refined(folder, system, law, seed, messy=False):
     return json.loads((folder / "out" / "report.json").read_text()), points, floor
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in ("bristle", "bump"))) for name in CASES])
 def test_the_law_is_found_and_leaves_noise(tmp_path, name):
     system, variable, force, rates, seed = CASES[name]
     report, points, floor = refined(tmp_path, system, (force, rates), seed)

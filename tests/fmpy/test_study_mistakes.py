@@ -93,6 +93,7 @@ def test_a_command_that_stands_still_is_told(tmp_path):
     refused(path, "`command` does not move in the estimation records")
 
 
+@pytest.mark.slow
 def test_what_is_left_does_not_tell_a_delay_from_a_mode(tmp_path):
     """A lag of fixed time constant cannot fill and empty at rates of its own: what stands in the series leaves much."""
     few = SIGNALS + '[[attachment]]\ninput = "F"\neffects = ["fill", "delay", "mode", "lag"]\n'

@@ -46,7 +46,7 @@ def lost(x, places, _):
     x[places] = np.nan
 
 
-@pytest.mark.parametrize("spoil, note", [(spikes, "leaves its neighbors for one sample"), (lost, "empty cells or NaN in x")], ids=["spikes", "nan"])
+@pytest.mark.parametrize("spoil, note", [pytest.param(spikes, "leaves its neighbors for one sample", marks=pytest.mark.slow), (lost, "empty cells or NaN in x")], ids=["spikes", "nan"])
 def test_spoiled_samples_are_no_effect_and_hide_none(tmp_path, spoil, note):
     found = report(write_study(tmp_path / "control", 4, 0.0, spoil), tmp_path / "out_control")
     assert found["verdict"] == "none", found["notes"]

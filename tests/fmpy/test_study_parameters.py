@@ -82,6 +82,7 @@ def test_parameters_that_act_together_cannot_be_told_apart(tmp_path):
     assert effects[name]["params"]["delta"]["value"] / declared == pytest.approx(0.075, rel=0.02)
 
 
+@pytest.mark.slow
 def test_it_stands_beside_an_effect_of_the_list(tmp_path):
     result, effects, _ = refined(tmp_path, {"I": 0.023}, dry=0.02)
     assert result.returncode == 0, result.stdout + result.stderr

@@ -73,13 +73,13 @@ def write_study(folder, kind, value, force_first, seed):
 @pytest.mark.parametrize(
     ("kind", "name", "key", "value", "force_first"),
     [
-        ("coulomb", "coulomb@axis.f", "force", 3.0, False),
+        pytest.param("coulomb", "coulomb@axis.f", "force", 3.0, False, marks=pytest.mark.slow),
         ("coulomb", "coulomb@axis.f", "force", 3.0, True),
         ("saturation", "saturation@axis.u", "limit", 3.0, False),
         pytest.param("saturation", "saturation@axis.u", "limit", 3.0, True, marks=pytest.mark.slow),
         ("deadband", "deadband@axis.u", "width", 0.4, False),
-        ("deadband", "deadband@axis.u", "width", 0.4, True),
-        ("lag", "lag@axis.u", "tau", 0.03, False),
+        pytest.param("deadband", "deadband@axis.u", "width", 0.4, True, marks=pytest.mark.slow),
+        pytest.param("lag", "lag@axis.u", "tau", 0.03, False, marks=pytest.mark.slow),
         pytest.param("lag", "lag@axis.u", "tau", 0.03, True, marks=pytest.mark.slow),
     ],
 )

@@ -101,6 +101,7 @@ def test_an_accelerometer_sees_what_acts_at_the_rate(tmp_path):
     amended_has_printed_errors(study, tmp_path / "out", report, rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_fmu_of_this_project_gets_an_input_at_a_rate_and_keeps_its_state(tmp_path):
     folder = shutil.copytree(ROOT / "examples" / "06_study", tmp_path / "case")
     text = (folder / "study.toml").read_text().split("[[attachment]]")[0]

@@ -27,6 +27,7 @@ def study(sensors, seconds):
     return f'system = "{SYSTEM}"\nstep_s = 0.001\n[inputs]\n{inputs}[outputs]\n{outputs}{segments}'
 
 
+@pytest.mark.slow
 def test_the_spring_of_the_rig_is_found_at_its_port_over_fmus(tmp_path):
     sensors = tomllib.loads((RECORDS / "case.toml").read_text())["sensors"]
     path = tmp_path / "study.toml"

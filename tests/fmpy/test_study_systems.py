@@ -24,7 +24,7 @@ CASES = [  # family, kind, strength, exit code, effects
     ("pendulum", "drag", 1.0, 0, {"pole.quaddrag"}),
     ("pendulum", "cable", 1.0, 13, set()),
     ("axis", "none", 1.0, 10, set()),
-    ("axis", "spring", 1.0, 0, {"cart.spring"}),
+    pytest.param("axis", "spring", 1.0, 0, {"cart.spring"}, marks=pytest.mark.slow),
     ("seal", "area", 2.5, 0, {"act.area"}),
     ("actuator", "none", 1.0, 10, set()),
     ("actuator", "deadband", 1.0, 0, {"act.deadband"}),
@@ -51,6 +51,7 @@ def test_what_is_missing_is_named_and_nothing_else(tmp_path, family, kind, stren
         assert run.returncode == 0, run.stderr
 
 
+@pytest.mark.slow
 def test_a_periodic_force_is_found_where_it_throws_the_declared_model_far_off(tmp_path):
     # In windows of 1 s the declared model ends millimeters away, a good part of the period.
     make_systems.axis(tmp_path, np.random.default_rng(2), "cogging", 1.0)
@@ -105,6 +106,7 @@ def axis(tmp_path_factory):
     return folder, json.loads((folder / "out" / "report.json").read_text())
 
 
+@pytest.mark.slow
 def test_friction_that_differs_by_direction_is_not_taken_for_a_spring(axis):
     found = axis[1]
     names = named(found)
@@ -114,6 +116,7 @@ def test_friction_that_differs_by_direction_is_not_taken_for_a_spring(axis):
     assert "cf.asymmetry" in {*names, *beside}
 
 
+@pytest.mark.slow
 def test_the_error_of_the_true_model_is_what_the_sensors_give(axis):
     found = axis[1]
     floor, residual = found["error_floor"]["validation"], found["residual"]["validation"]
@@ -123,6 +126,7 @@ def test_the_error_of_the_true_model_is_what_the_sensors_give(axis):
         assert residual["rms_before"][signal] > 1.5 * floor[signal]
 
 
+@pytest.mark.slow
 def test_effects_hold_on_parts_of_the_records(axis):
     for effect in axis[1]["effects"]:
         if effect["selected"]:
@@ -134,6 +138,7 @@ def test_effects_hold_on_parts_of_the_records(axis):
                 assert low - (high - low) <= effect["params"][name]["value"] <= high + (high - low)
 
 
+@pytest.mark.slow
 def test_the_amended_system_of_a_study_runs_here_and_in_fmpy_alike(axis):
     folder, _ = axis
     system, record = folder / "out" / "system", np.genfromtxt(folder / "estimation.csv", delimiter=",", names=True)

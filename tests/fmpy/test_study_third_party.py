@@ -23,6 +23,7 @@ def machine(tmp_path, name, seed=1):
     return folder, json.loads((folder / "truth.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_corrections(tmp_path):
     folder, truth = machine(tmp_path, "servo_m_coulomb_tau_l")
     result = refine(folder / "study.toml", tmp_path / "out")
@@ -43,12 +44,13 @@ def test_the_dominant_effect_of_a_machine_that_nothing_fits_stands_alone_beside_
 
 
 # The arm sticks in wells that the declared model does not have, half a period away from where it has the arm.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, few, others",
     [
         ("furuta_m_cogging_tau", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pole.viscous"]'),
         # The speeds are measured, the position follows from them.
-        pytest.param("servo_m_cogging_tau_l", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pf.viscous"]', marks=pytest.mark.slow),
+        ("servo_m_cogging_tau_l", '["cart.cogging", "cart.endstop", "cf.coulomb"]', '["pf.viscous"]'),
         # A mode that is damped without end is near a delay, and none.
         ("furuta_m_delay_tau", '["act.delay", "act.mode", "act.hysteresis"]', '["pole.viscous"]'),
     ],
@@ -259,7 +261,7 @@ def test_a_shape_that_no_record_shows_stands_for_nothing_else(tmp_path, case, se
         assert any(why in (own["rejected"] or "") for own in tried), tried
 
 
-@pytest.mark.parametrize("kind", ["resistance", "voltage_drop"])
+@pytest.mark.parametrize("kind", [pytest.param("resistance", marks=pytest.mark.slow), "voltage_drop"])
 def test_a_voltage_that_is_lost_along_a_current_is_found_at_the_voltage(tmp_path, kind):
     folder, truth = machine(tmp_path, f"motor_e_{kind}_V", seed=3)
     result = refine(folder / "plain.toml", tmp_path / "out")

@@ -100,7 +100,7 @@ def write_study(folder, kind, value, seed, windows=True):
     ("kind", "name", "key", "value"),
     [
         ("delay", "delay@F", "delay", 0.015),
-        ("coulomb", "coulomb@F", "force", 0.5),
+        pytest.param("coulomb", "coulomb@F", "force", 0.5, marks=pytest.mark.slow),
         ("deadband", "deadband@F", "width", 0.4),
         pytest.param("joint", "coulomb@tau", "force", 0.01, marks=pytest.mark.slow),
     ],

@@ -149,6 +149,7 @@ def test_a_law_is_found_behind_noise_that_is_not_white(tmp_path):
     assert found["complete"] and law["share"] > 0.97
 
 
+@pytest.mark.slow
 def test_a_law_is_found_beside_an_effect(tmp_path):
     path = study(tmp_path, width=0.5, off=(0.01, -0.015, 0.02), pole=0.0, seed=8, leak_at=3.0e5)
     found, text = answered(path, tmp_path / "out", 0)

@@ -89,6 +89,7 @@ def test_a_state_without_a_sensor_goes_on_where_a_window_restarts(tmp_path, coul
         amended_has_printed_errors(study, tmp_path / "out", found)
 
 
+@pytest.mark.slow
 def test_a_law_is_found_where_windows_are_too_long_for_it_to_be_nearly_linear(tmp_path):
     study = write(tmp_path / "study", 0.0, along=ALONG, samples=1001)
     result = refine(study, tmp_path / "out")
