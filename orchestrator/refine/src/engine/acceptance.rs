@@ -11,6 +11,9 @@ use crate::share::percent_below;
 /// its place.
 const TIES_AT_BOUND: f64 = 2.0;
 
+/// Share of `min_share_alone` that is asked of an effect which takes nearly all that the corrections leave.
+const SHARE_ALONE_OF_REST: f64 = 0.25;
+
 impl Run<'_> {
     /// Why a candidate is no effect that matters, if it is none.
     pub(super) fn objection(&self, tried: &Tried) -> Option<String> {
@@ -35,8 +38,11 @@ impl Run<'_> {
                 "it takes away {share} of the {whole} on held-out records beyond the corrections, less than {least}"
             ));
         }
-        if tried.alone < s.min_share_alone {
-            let [alone, least] = percent_below(tried.alone, s.min_share_alone);
+        // What corrections leave is its own where it takes nearly all of that and lives on none of them.
+        let is_rest = self.share_of_rest(tried) >= s.min_share_of_rest;
+        let least = if is_rest { SHARE_ALONE_OF_REST * s.min_share_alone } else { s.min_share_alone };
+        if tried.alone < least {
+            let [alone, least] = percent_below(tried.alone, least);
             return Some(format!(
                 "without corrections of declared parameters it takes away {alone} of the error, less than {least}"
             ));
@@ -55,6 +61,12 @@ impl Run<'_> {
     /// Share of the error on held-out records that a candidate takes away beyond the corrections.
     fn share(&self, tried: &Tried) -> f64 {
         tried.held_out * self.declared_error / self.whole_error
+    }
+
+    /// Share of the error on held-out records that a candidate takes away of what the model before it leaves.
+    fn share_of_rest(&self, tried: &Tried) -> f64 {
+        let gained = tried.held_out * self.declared_error;
+        gained / (tried.error + gained)
     }
 
     /// Whether a candidate stands for what it takes away alone while another effect takes more beside the corrections.

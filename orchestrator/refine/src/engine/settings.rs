@@ -109,7 +109,7 @@ impl ForwardSelection {
                 "min_share_alone",
                 |s| s.min_share_alone,
                 (0.0, 1.0),
-                "share of the error that an effect must take away without any correction: one that needs them imitates",
+                "share of the error that an effect must take away without any correction, a quarter of it where it takes min_share_of_rest of what they leave: one that needs them imitates",
             ),
             row(
                 "min_share_of_correction",
@@ -163,7 +163,7 @@ impl ForwardSelection {
                 "min_share_of_rest",
                 |s| s.min_share_of_rest,
                 (0.0, 1.0),
-                "share of what the other effects leave that effects must take away which are too small beside these to take their share of the whole error; each of such a set must take away half of what the rest of it leaves",
+                "share of what the other effects, or the corrections alone, leave that effects must take away which are too small beside these to take their share of the whole error, or take little without corrections; each of such a set must take away half of what the rest of it leaves",
             ),
             row(
                 "min_validated_share",

@@ -4,7 +4,8 @@
 //! simulation with a penalty chosen by held-out folds; around its optimum the error is a quadratic form of the heights.
 //! [`grammar`] lists the terms of formulas, [`formula`] searches among their sums on that quadratic form, where a fit
 //! costs next to nothing. [`study`] compares free forms in short [`windows`] of the records, `crossed` those over the
-//! motion at other ports and `observed` those over other measured signals, both by `elsewhere`. [`exact`] fits the best
+//! motion at other ports and `observed` those over other measured signals, both by `elsewhere`, `weighed` those beside
+//! declared parameters that are off. [`exact`] fits the best
 //! formulas in simulation and decides; [`rig`] does so for the rig of the vocabulary, which [`rig_whole`] holds against
 //! whole records. [`written`] turns a formula into an effect of one's own, [`found`] is the answer; [`listed`] asks
 //! whether effects of the list do as well.
@@ -28,5 +29,6 @@ pub mod study;
 pub mod surface;
 pub mod surrogate;
 mod terms;
+mod weighed;
 pub mod windows;
 pub mod written;

@@ -134,7 +134,12 @@ impl Finder<'_> {
             let fine = known.take_if(|known| own(known));
             forms.extend(fine.or_else(|| self.fine(study, declared, (tap, form.surface.variables[0]))));
         }
-        let left = forms.iter().map(|own| own.at.smooth.held_out).fold(f64::INFINITY, f64::min);
+        let leaves = |form: &FreeForm| form.at.smooth.held_out;
+        let one = forms.iter().min_by(|a, b| leaves(a).total_cmp(&leaves(b))).cloned();
+        if let Some(one) = one.filter(|one| leaves(one) >= MAX_ERROR_WITHOUT_SECOND * noise) {
+            forms.extend(self.beside_corrections(study, declared, &one));
+        }
+        let left = forms.iter().map(leaves).fold(f64::INFINITY, f64::min);
         // Two variables where one leaves much.
         if left >= MAX_ERROR_WITHOUT_SECOND * noise {
             forms.extend(self.over_two(study, declared, &singles, (tap, first)));
@@ -309,7 +314,7 @@ impl Finder<'_> {
     }
 
     /// A free form over one variable with all its knots, at its optimum.
-    fn fine(
+    pub(super) fn fine(
         &self,
         study: &mut Study,
         declared: &Model,

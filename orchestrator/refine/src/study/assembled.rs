@@ -20,6 +20,9 @@ use crate::engine::stop;
 /// Sentence on the errors of windows.
 const FROM_MEASURED_STATES: &str = "Windows start from measured states, whose noise is part of the errors in units of the signals. The search, shares and multiples of the floor leave it out: they are of residuals that are white where nothing but noise is left.";
 
+/// Share of the declared model's error that an effect has to take away for the residual to be where it acts.
+const MIN_SHARE_OF_NEAREST: f64 = 0.05;
+
 /// The model of an answer, with what is printed of it.
 struct Shown<'a> {
     model: &'a Model,
@@ -151,7 +154,7 @@ pub(super) fn assemble(
         chosen_by_validation(study, *lacking, *other?)
     }));
     let unexplained = (verdict == Verdict::Unexplained)
-        .then(|| rest.place.clone().unwrap_or_else(|| (first_place(study), Vec::new())));
+        .then(|| rest.place.clone().unwrap_or_else(|| (nearest_place(study, by_share), Vec::new())));
     Answer {
         verdict,
         effects,
@@ -232,6 +235,15 @@ fn corrections(study: &Study, selection: &Selection, model: &Model) -> Vec<Corre
 /// Errors that free forms at the ports would take away, in multiples of the noise.
 fn left_at(judge: &Judge, rest: &Rest) -> Vec<(String, f64)> {
     rest.ports.iter().map(|(port, gain)| (port.clone(), judge.floors(*gain))).collect()
+}
+
+/// Place of the residual where no free form shows one: that of the effect which takes most of it away.
+fn nearest_place(study: &Study, by_share: Option<&ByShare>) -> String {
+    let tried = by_share.and_then(|found| found.steps.first()).into_iter().flat_map(|step| &step.candidates);
+    let most = tried.max_by(|a, b| a.held_out_gain.total_cmp(&b.held_out_gain));
+    let near = most.filter(|own| own.held_out_gain >= MIN_SHARE_OF_NEAREST);
+    let own = near.and_then(|near| study.candidates.iter().find(|own| own.name() == near.id));
+    own.map_or_else(|| first_place(study), |own| own.place())
 }
 
 /// Place of the residual where nothing shows a better one.
