@@ -197,8 +197,8 @@ impl Finder<'_> {
         judge.floors(model.error.powi(2)) < MAX_FLOORS_OF_NOISE
     }
 
-    /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else: that of the
-    /// sensors, or the white noise that hides as much as one that is not white.
+    /// Noise by output that a model fitted beside `corrections` leaves, if it leaves nothing else; see
+    /// [`colored::left`].
     pub(super) fn noise_left(
         &self,
         study: &Study,
@@ -206,15 +206,7 @@ impl Finder<'_> {
         corrections: &[Free],
         model: &Model,
     ) -> Option<Vec<f64>> {
-        let fits = self.fits_in_noise(study, corrections.to_vec());
-        let mut scale = explain::noises(study);
-        if judge.explained(&fits, model) {
-            return Some(scale);
-        }
-        for (output, noise) in colored::noises(&fits, judge, model)? {
-            scale[output] = noise.as_white();
-        }
-        Some(scale)
+        colored::left(&self.fits_in_noise(study, corrections.to_vec()), judge, model)
     }
 
     /// Error of a model in the units of the search.

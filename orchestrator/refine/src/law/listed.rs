@@ -12,10 +12,11 @@ use crate::answer::Answer;
 use crate::engine::{System, stop};
 use crate::order::ascending;
 use crate::study::changed;
+use crate::study::colored;
 use crate::study::declaration::Role;
 use crate::study::errors::errors;
 use crate::study::exact;
-use crate::study::explain::{Judge, noises};
+use crate::study::explain::Judge;
 use crate::study::fits::{Fits, Model, pieces};
 use crate::study::law::{Law, Point};
 use crate::study::model::{Action, Study};
@@ -103,7 +104,7 @@ pub fn in_place_of(
     let plain = Fits::new(study, scale.to_vec());
     let corrections = changed::corrected(study, &with_law.fit);
     // As the law was weighed: by the noise where it leaves no more.
-    let units = if judge.explained(&plain, with_law) { noises(study) } else { scale.to_vec() };
+    let units = colored::left(&plain, judge, with_law).unwrap_or_else(|| scale.to_vec());
     let fits = Fits { corrections: corrections.clone(), ..Fits::new(study, units) };
     let reference = fits.fit_from(with_law.added.clone(), &with_law.fit.parameters, &with_law.fit.locals)?;
     let values = &with_law.fit.parameters[study.candidates[c].entries.clone()];
@@ -132,9 +133,12 @@ pub fn in_place_of(
     };
     let equals = selection.equals.iter().map(|(lacking, model)| (*lacking, in_scale(model))).collect();
     let own = &selection.best;
-    let exact = judge.explained(&plain, own);
-    let best = if exact {
+    let white = judge.explained(&plain, own);
+    let exact = white || colored::left(&plain, judge, own).is_some();
+    let best = if white {
         exact::refitted(&scaled, own)
+    } else if exact {
+        in_scale(&fits.with_covariance(own))
     } else {
         scaled.fit_from(own.added.clone(), &own.fit.parameters, &own.fit.locals)?
     };

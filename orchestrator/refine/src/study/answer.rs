@@ -187,6 +187,12 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
                 (selection, by_share) = (own.selection.clone(), Some(own));
             }
             let base = by_share.as_ref().map_or(&selection.declared, |found| &found.corrected).clone();
+            {
+                // Effects that leave noise, white or not, need no law.
+                let corrected = by_share.as_ref().map(|own| &own.corrected);
+                let own = shown(&found, &selection, corrected, None);
+                settle(&Fits::new(&study, scale.clone()), &judge, (own, corrected), &mut found);
+            }
             let aim = Aim::Share { min_form_share: settings.forward_selection.min_form_share };
             let without = found.clone();
             let before = Extent::of(&study);
@@ -241,14 +247,8 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     };
     let (selection, mut found) = refitted.unwrap_or((selection, found));
     {
-        let fits = Fits::new(&study, scale.clone());
-        // The search for a law may have made the study longer since.
-        let own = law::extended(shown(&found, &selection, &corrected, &with_law), &study);
-        // What corrections within their tolerances take away is not missing either.
-        let corrected = corrected.as_ref().filter(|_| found.verdict == Verdict::Unexplained);
-        let corrected = corrected.map(|own| law::extended(own, &study));
-        let _ = colored::settle(&fits, &judge, &own, &mut found)
-            || corrected.is_some_and(|own| colored::settle(&fits, &judge, &own, &mut found));
+        let own = shown(&found, &selection, corrected.as_ref(), with_law.as_ref()).clone();
+        settle(&Fits::new(&study, scale.clone()), &judge, (&own, corrected.as_ref()), &mut found);
     }
     explained::refuse_where_nothing_is(&mut found, &first_place(&study));
     explained::refuse_where_validation_shows_more(&mut found, &first_place(&study));
@@ -263,7 +263,7 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     let fits = Fits::new(&study, scale);
     say("figures");
     let with_law = with_law.filter(|_| !refused);
-    let shown = law::extended(shown(&found, &selection, &corrected, &with_law), fits.study);
+    let shown = law::extended(shown(&found, &selection, corrected.as_ref(), with_law.as_ref()), fits.study);
     let declared = law::extended(&selection.declared, fits.study);
     resolution::add(&fits, &selection, &shown, &mut found);
     let finer = if found.complete { None } else { integration::finer(&fits, &shown) };
@@ -271,12 +271,22 @@ fn attempt(file: &File, settings: &Settings, least_substeps: usize, say: Say) ->
     Ok(Attempt { found: (found, evidence), finer })
 }
 
+/// Corrects an answer whose model, or the one with corrections in its place, leaves noise that is not white.
+fn settle(fits: &Fits, judge: &Judge, (shown, corrected): (&Model, Option<&Model>), found: &mut Answer) {
+    // The search for a law may have made the study longer since.
+    let own = law::extended(shown, fits.study);
+    // What corrections within their tolerances take away is not missing either.
+    let corrected = corrected.filter(|_| found.verdict == Verdict::Unexplained);
+    let _ = colored::settle(fits, judge, &own, found)
+        || corrected.is_some_and(|own| colored::settle(fits, judge, &law::extended(own, fits.study), found));
+}
+
 /// The model of an answer.
 fn shown<'a>(
     found: &Answer,
     selection: &'a Selection,
-    corrected: &'a Option<Model>,
-    with_law: &'a Option<Model>,
+    corrected: Option<&'a Model>,
+    with_law: Option<&'a Model>,
 ) -> &'a Model {
     match (with_law, corrected) {
         (Some(law), _) => law,

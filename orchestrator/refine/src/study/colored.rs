@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::declaration::Role;
 use super::errors::initial;
-use super::explain::Judge;
+use super::explain::{self, Judge};
 use super::fits::{Fits, Model, pieces};
 use super::model::Study;
 use super::remarks::DEPENDS_ON_NOTHING;
@@ -59,7 +59,7 @@ pub(crate) struct Noise {
 
 impl Noise {
     /// Rms of white noise that would leave a fit as uncertain.
-    pub(crate) fn as_white(&self) -> f64 {
+    fn as_white(&self) -> f64 {
         self.rms * self.correlation_time.max(1.0).sqrt()
     }
 }
@@ -70,15 +70,23 @@ pub(crate) fn noises(fits: &Fits, judge: &Judge, model: &Model) -> Option<Vec<(u
     if study.windows.is_some() || study.force.is_some() || stop::asked() {
         return None;
     }
-    let unlike: Vec<usize> = {
-        let left = judge.left(fits, model).into_iter().enumerate();
-        left.filter(|(_, (_, z))| z.is_nan() || *z >= judge.limit()).map(|(o, _)| o).collect()
-    };
     let [estimation, validation] =
         [Role::Estimation, Role::Validation].map(|role| recorded(fits, model, role));
     let noise = |&o: &usize| noise(o, &study.outputs[o].name, &estimation, &validation).map(|own| (o, own));
-    let found = unlike.iter().map(noise).collect::<Option<Vec<(usize, Noise)>>>();
+    let found = judge.beyond(fits, model).iter().map(noise).collect::<Option<Vec<(usize, Noise)>>>();
     found.filter(|found| !found.is_empty())
+}
+
+/// Noise by output that a model leaves, if it leaves nothing else: that of the sensors, or the white noise that hides
+/// as much as one that is not white.
+pub(crate) fn left(fits: &Fits, judge: &Judge, model: &Model) -> Option<Vec<f64>> {
+    let mut scale = explain::noises(fits.study);
+    if !judge.explained(fits, model) {
+        for (output, noise) in noises(fits, judge, model)? {
+            scale[output] = noise.as_white();
+        }
+    }
+    Some(scale)
 }
 
 /// Floors on estimation and validation records that are not below such noise.

@@ -131,12 +131,18 @@ impl Judge {
 
     /// Whether a model leaves no more than the sensors may give, whose noise is known roughly.
     pub fn explained(&self, fits: &Fits, model: &Model) -> bool {
+        self.beyond(fits, model).is_empty()
+    }
+
+    /// Outputs of which a model leaves more than their sensors may give, whose noise is known roughly.
+    pub fn beyond(&self, fits: &Fits, model: &Model) -> Vec<usize> {
         let powers = Self::powers(fits, model);
         let left = self.null.normalized(&powers);
         let near = powers.iter().zip(self.null.means()).map(|((_, own), mean)| {
             own.iter().zip(mean).all(|(own, mean)| *own < MAX_POWER_OVER_NOISE * mean)
         });
-        left.iter().zip(near).all(|((_, z), near)| near || *z < self.limit())
+        let within = left.iter().zip(near).map(|((_, z), near)| near || *z < self.limit());
+        within.enumerate().filter(|(_, within)| !within).map(|(output, _)| output).collect()
     }
 
     /// Whether a model leaves no more than sensors and smoothed derivatives may give.
